@@ -1,4 +1,5 @@
-# What `cmake --install` gives: the program, the headers and one static library a room, as Berth::<room>; see
+# What `cmake --install` gives: the program, the headers and one static library a room, as Berth::<room>, and what
+# cmake/Package.cmake adds; see
 # BerthConfig.cmake.in for who needs which packages.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
@@ -18,7 +19,7 @@ foreach(file IN ITEMS ${BERTH_INSTALLED})
   if(NOT EXISTS \"\${file}\")
     message(FATAL_ERROR \"Nothing is installed: this is not built: \${file}\nBuild all of it first: cmake --build ${PROJECT_BINARY_DIR}\")
   endif()
-endforeach()")
+endforeach()" ALL_COMPONENTS)
 
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/Berth)
 set(BERTH_PACKAGE_LINKS "")
@@ -26,23 +27,24 @@ foreach(room IN LISTS BERTH_INSTALLED_ROOMS)
   set_target_properties(berth_${room} PROPERTIES EXPORT_NAME ${room})
   target_include_directories(berth_${room} INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   target_compile_features(berth_${room} INTERFACE cxx_std_20)
-  install(TARGETS berth_${room} EXPORT BerthTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(TARGETS berth_${room} EXPORT BerthTargets ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+    COMPONENT development)
   string(APPEND BERTH_PACKAGE_LINKS "set(_berth_links_${room} ${BERTH_LINKS_${room}})\n")
 endforeach()
-install(TARGETS berth RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS berth RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
 set(inside "")
 foreach(room IN LISTS BERTH_ROOMS_INSIDE)
   list(APPEND inside PATTERN berth/${room} EXCLUDE)
 endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/berth/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/berth
-  FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" ${inside})
-install(EXPORT BerthTargets NAMESPACE Berth:: DESTINATION ${package})
+  COMPONENT development FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" ${inside})
+install(EXPORT BerthTargets NAMESPACE Berth:: DESTINATION ${package} COMPONENT development)
 
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/BerthConfig.cmake.in ${PROJECT_BINARY_DIR}/BerthConfig.cmake
   INSTALL_DESTINATION ${package})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/BerthConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/BerthConfig.cmake ${PROJECT_BINARY_DIR}/BerthConfigVersion.cmake
-  DESTINATION ${package})
+  DESTINATION ${package} COMPONENT development)
 
 # tests/install installs this build and builds a project against it.
 if(TARGET test_install)

@@ -22,6 +22,10 @@ mqtt_packages=(mosquitto)
 docs_packages=(mkdocs-material doxygen python3)
 # Readers of the page of metrics, for its tests: promtool, and the client library.
 metrics_packages=(prometheus python3-prometheus-client)
+# Shells whose completion is tried, and judges of manual pages, desktop entries and AppStream files.
+shell_packages=(zsh fish groff-base desktop-file-utils appstream)
+# What makes Debian packages, checks them and tries them in a bare root.
+package_packages=(ccache dpkg-dev file lintian mmdebstrap xz-utils)
 bench_packages=(libbenchmark-dev valgrind "${mqtt_packages[@]}")
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

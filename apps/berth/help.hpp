@@ -41,10 +41,7 @@ class HelpFormat final : public CLI::Formatter {
     return text;
   }
 
- private:
-  static constexpr std::size_t columns = 80;
-  static constexpr std::size_t margin = 28;
-
+  /// Placeholder of its value; empty: it has none, or is a positional word with no other than its name.
   // "TEXT:TIME" is a text that is parsed as a time; "UINT:UINT in [1 - 9]" a number.
   static std::string value_of(const CLI::Option& option) {
     if (!option.get_option_text().empty()) return option.get_option_text();
@@ -58,6 +55,11 @@ class HelpFormat final : public CLI::Formatter {
     std::ranges::replace(words, ',', '|');
     return words;
   }
+
+ private:
+  static constexpr std::size_t columns = 80;
+  static constexpr std::size_t margin = 28;
+
   static std::string row(const std::string& left, const std::string& right) {
     std::string line = "  " + left;
     if (line.size() + 2 > margin) {

@@ -3,6 +3,8 @@
 #include <fmt/ranges.h>
 
 #include <filesystem>
+#include <iterator>
+#include <sstream>
 
 #include "adopt.hpp"
 #include "berth/command/verbs.hpp"
@@ -46,6 +48,10 @@ void word_of(const Verb& verb, const std::shared_ptr<command::Request>& request,
       spelled(parameter), [request, key](const std::string& text) { request->arguments[key] = text; }, help);
   if (parameter.required) word.required();
   if (!parameter.value.empty()) word.shown(std::string(parameter.value));
+  if (!parameter.choices.empty()) {
+    std::istringstream choices{std::string(parameter.choices)};
+    word.offers({std::istream_iterator<std::string>(choices), {}});
+  }
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "berth/io/realtime.hpp"
 #include "berth/text/quantity.hpp"
+#include "describe.hpp"
 #include "help.hpp"
 #include "options.hpp"
 #include "output.hpp"
@@ -35,6 +36,11 @@ Word& Word::one_of(const std::vector<std::string>& words) {
 
 Word& Word::one_of(const std::vector<std::uint32_t>& numbers) {
   if (option_ != nullptr) option_->check(CLI::IsMember(numbers));
+  return *this;
+}
+
+Word& Word::offers(const std::vector<std::string>& words) {
+  if (option_ != nullptr) option_->type_name(fmt::format("{{{}}}", fmt::join(words, ",")));
   return *this;
 }
 
@@ -66,7 +72,8 @@ Word& Word::excludes(const Word& other) {
 // ---- Verb ----
 
 Verb Verb::sub(const std::string& name, CLI::App* made) const {
-  return {std::ranges::find(*written_, name) == written_->end() ? nullptr : made, *this};
+  const bool wanted = written_ == nullptr || std::ranges::find(*written_, name) != written_->end();
+  return {wanted ? made : nullptr, *this};
 }
 
 Verb Verb::add(const std::string& name, const std::string& help, Action does) const {
@@ -330,10 +337,9 @@ class CommandLine {
   bool negative_ = false;
 };
 
-}  // namespace
+constexpr const char* what_it_is = "Berth gives every CANopen device its place.";
 
-int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
-  CLI::App app("Berth gives every CANopen device its place.", "berth");
+void make_first_words(CLI::App& app) {
   app.require_subcommand(1);
   app.set_version_flag("-V,--version", std::string("berth ") + BERTH_VERSION, "print version");
   app.formatter(std::make_shared<HelpFormat>());
@@ -342,10 +348,27 @@ int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
       "Examples:\n  berth demo\n  berth init --eds drive.eds --eds io.eds:4\n  berth up\n  berth help sdo read\n"
       "docs/commands.md: how machines, buses, nodes and objects are named.\n"
       "Exit status: 0 done, 1 the answer is no, 2 wrong usage or an unreadable file,\n3 the bus or a file failed.");
+}
+
+}  // namespace
+
+VerbText described(const std::vector<AddVerb>& verbs, const std::vector<std::string>* written) {
+  CLI::App app(what_it_is, "berth");
+  make_first_words(app);
+  Options options;
+  Verb::Action action;
+  Verb berth(app, action, written);
+  for (const auto add : verbs) add(berth, options);
+  return described(app, "");
+}
+
+int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs) {
+  CLI::App app(what_it_is, "berth");
+  make_first_words(app);
   Options options;
   Verb::Action action;
   const std::vector<std::string> written(argv, argv + argc);
-  Verb berth(app, action, written);
+  Verb berth(app, action, &written);
   for (const auto add : verbs) add(berth, options);
   // `berth help sdo read` is `berth sdo read --help`.
   std::vector<char*> given(argv, argv + argc);
@@ -396,7 +419,9 @@ void colour_word(const Verb& verb) {
     choose_colour(static_cast<Colour>(known - colour_words.begin()));
     return std::string();
   };
-  verb.read("--color", "WHEN", take, "auto (default: on a terminal, unless NO_COLOR is set), always or never");
+  verb.read("--color", "WHEN", take, "auto (default: on a terminal, unless NO_COLOR is set), always or never")
+      .shown("WHEN")
+      .offers({colour_words.begin(), colour_words.end()});
 }
 
 void force_word(const Verb& verb, Options& options) {

@@ -28,6 +28,7 @@ class Option;
 namespace berth::cli {
 
 struct Options;
+struct VerbText;
 
 /// One word, option or flag of a verb, with its constraints.
 class Word {
@@ -40,6 +41,8 @@ class Word {
   Word& shown(const std::string& value);
   Word& one_of(const std::vector<std::string>& words);
   Word& one_of(const std::vector<std::uint32_t>& numbers);
+  /// What a shell completes; the verb itself checks the value.
+  Word& offers(const std::vector<std::string>& words);
   Word& from_to(std::uint32_t low, std::uint32_t high);
   /// The number of values.
   Word& values(int least, int most);
@@ -58,10 +61,10 @@ class Verb {
   /// Reads a value; returns what is wrong with it, empty if nothing.
   using Read = std::function<std::string(const std::string&)>;
 
-  /// `action` is set to what the written verb does; `written`: the words of the command line. Both, and `app`, outlive
-  /// it.
-  Verb(CLI::App& app, Action& action, const std::vector<std::string>& written) noexcept
-      : app_(&app), action_(&action), written_(&written) {}
+  /// `action` is set to what the written verb does; `written`: the words of the command line, null for all verbs
+  /// whether written or not. They and `app` outlive it.
+  Verb(CLI::App& app, Action& action, const std::vector<std::string>* written) noexcept
+      : app_(&app), action_(&action), written_(written) {}
 
   Verb add(const std::string& name, const std::string& help, Action does) const;
   /// A word before verbs, such as `berth lss`; one of its verbs is required.
@@ -111,6 +114,10 @@ using AddVerb = void (*)(Verb& berth, Options& options);
 
 /// Reads the command line and carries it out; returns the exit status. Reports wrong use with status 2.
 int run_command_line(int argc, char** argv, const std::vector<AddVerb>& verbs);
+
+/// What `--help` and the parser know of the verbs. `written`: the words of only these verbs, as on a command line;
+/// null: of all.
+[[nodiscard]] VerbText described(const std::vector<AddVerb>& verbs, const std::vector<std::string>* written);
 
 // ---- words of several verbs ----
 

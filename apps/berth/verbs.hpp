@@ -2,6 +2,8 @@
 /// main.cpp has them in the order of the help.
 #pragma once
 
+#include <vector>
+
 #include "options.hpp"
 #include "verb.hpp"
 
@@ -56,6 +58,11 @@ void add_running_plant(const Verb& sim, Options& options);
 void add_world(Verb& berth, Options& options);
 void add_plant(Verb& berth, Options& options);
 void add_fleet(Verb& berth, Options& options);
+void add_completion(Verb& berth, Options& options);
+void add_man(Verb& berth, Options& options);
 void add_version(Verb& berth, Options& options);
+
+/// All of them, in the order of the help.
+[[nodiscard]] const std::vector<AddVerb>& all_verbs();
 
 }  // namespace berth::cli

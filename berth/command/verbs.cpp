@@ -23,6 +23,9 @@ constexpr std::string_view an_address = "VENDOR-PRODUCT-REVISION-SERIAL, eight h
 constexpr Parameter word_of(std::string_view name, std::string_view help, bool required = true) {
   return {.name = name, .form = word, .help = help, .required = required};
 }
+constexpr Parameter choice_of(std::string_view name, std::string_view help, std::string_view choices) {
+  return {.name = name, .form = word, .help = help, .required = true, .choices = choices};
+}
 constexpr Parameter option_of(std::string_view name, std::string_view value, std::string_view help,
                               std::string_view spelled = {}) {
   return {.name = name, .form = option, .help = help, .value = value, .spelled = spelled};
@@ -148,11 +151,12 @@ constexpr std::array of_note{
     Parameter{.name = "bits", .form = own, .help = "names of bits, the same", .spelled = "--bit"},
     flag_of("anew", "replaces all that the file has about it (default: keeps what is not given)")};
 constexpr std::array of_nmt{
-    of_bus, word_of("command", "start, stop, preop, reset-node, reset-comm"),
+    of_bus,
+    choice_of("command", "start, stop, preop, reset-node, reset-comm", "start stop preop reset-node reset-comm"),
     word_of("node", "node-ID, slot's name, or all"),
     option_of("request", "NODE-ID", "the NMT master with this node-ID is asked to do it (1F82h)"),
     flag_of("no-wait", "does not wait for the heartbeats that report the new state")};
-constexpr std::array of_lss_global{of_bus, word_of("state", "waiting or configuration")};
+constexpr std::array of_lss_global{of_bus, choice_of("state", "waiting or configuration", "waiting configuration")};
 constexpr std::array of_lss_select{of_bus, word_of("address", an_address)};
 constexpr std::array of_lss_device{of_bus, word_of("address", an_address, false)};
 constexpr std::array of_lss_inquire{

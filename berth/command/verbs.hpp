@@ -48,6 +48,7 @@ struct Parameter {
   bool required = false;
   std::string_view value{};    ///< placeholder for its value in the help: "MS"
   std::string_view spelled{};  ///< the spelling of an option or a flag, if not its name: "--save"
+  std::string_view choices{};  ///< all that its value may be, with blanks between; empty: something else
   bool personal = false;       ///< only a user may give it: a file of this computer, or a confirmation
   bool changes = false;        ///< with it, a verb that otherwise only asks changes something
 };

@@ -234,6 +234,8 @@ class Taken : public ::testing::Test {
         {"plant", {plant, "--for", "1 s", "-m", machine}},
         {"fleet show", {"line", "--broker", "mqtt://127.0.0.1:1"}},
         {"fleet roll-out", {drive, "--slot", "s", "--broker", "mqtt://127.0.0.1:1"}},
+        {"man", {}},
+        {"completion", {"bash"}},
         {"version", {}},
     };
   }
