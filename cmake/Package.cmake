@@ -39,16 +39,10 @@ endif()
 # They name paths of the system, so they are for its own prefix alone.
 if(CMAKE_INSTALL_PREFIX STREQUAL "/usr" AND NOT BERTH_PORTABLE)
   install(FILES ${from}/udev/78-berth.rules DESTINATION lib/udev/rules.d COMPONENT program)
-  file(GLOB units ${from}/systemd/*.service ${from}/systemd/*.target ${from}/systemd/*.socket)
-  install(FILES ${units} DESTINATION lib/systemd/system COMPONENT program)
-  foreach(kind sysusers tmpfiles)
-    file(GLOB files ${from}/systemd/*.${kind}.conf)
-    foreach(file IN LISTS files)
-      get_filename_component(name ${file} NAME)
-      string(REPLACE ".${kind}.conf" ".conf" name ${name})
-      install(FILES ${file} RENAME ${name} DESTINATION lib/${kind}.d COMPONENT program)
-    endforeach()
-  endforeach()
+  install(FILES ${from}/systemd/berth@.service DESTINATION lib/systemd/system COMPONENT program)
+  install(FILES ${from}/systemd/berth.sysusers.conf RENAME berth.conf DESTINATION lib/sysusers.d COMPONENT program)
+  # Machine files come here.
+  install(DIRECTORY DESTINATION /etc/berth COMPONENT program)
 endif()
 
 # examples/ without what only the build uses; docs/ whole, with its pictures.
@@ -81,6 +75,8 @@ set(CPACK_BERTH_PACKAGING ${from})
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME berth)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION electronics)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SHLIBDEPS ON)
+# For the account of the service.
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers | systemd-sysusers")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "iproute2")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "berth-doc, can-utils, xdg-utils")
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "commissions and runs CANopen networks
@@ -112,8 +108,6 @@ set(CPACK_COMPONENT_DOCUMENTATION_DESCRIPTION "commissions and runs CANopen netw
  descriptions, and programs that use the library.")
 
 foreach(kind postinst prerm postrm)
-  if(EXISTS ${from}/debian/${kind})
-    list(APPEND CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${from}/debian/${kind})
-  endif()
+  list(APPEND CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${from}/debian/${kind})
 endforeach()
 include(CPack)

@@ -146,8 +146,8 @@ TEST_F(CompleteHere, SlotsAndBusesOfTheMachine) {
 class RealShell : public ::testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    if (!has("python3")) GTEST_SKIP() << "needs python3";
-    if (!has(GetParam())) GTEST_SKIP() << "needs " << GetParam();
+    if (!has("python3")) GTEST_SKIP() << "needs shells: python3 is not installed";
+    if (!has(GetParam())) GTEST_SKIP() << "needs shells: " << GetParam() << " is not installed";
     script = folder.write("script", berth({"completion", GetParam()}).out);
     const std::string program = folder.write("berth", "#!/bin/sh\n[ \"$1\" != __complete ] || exec " + binary() +
                                                           " \"$@\"\n"
@@ -224,7 +224,7 @@ TEST_F(Man, EveryCommandHasAPage) {
 
 // troff and mandoc find nothing to complain about, and nothing is lost: what the help says is on the page.
 TEST_F(Man, PagesAreFreeOfWarnings) {
-  if (!has("groff")) GTEST_SKIP() << "needs groff";
+  if (!has("groff")) GTEST_SKIP() << "needs shells: groff is not installed";
   for (const auto& page : pages) {
     const Ran ran = shell("groff -man -Kutf8 -Tutf8 -ww -z '" + page.string() + "' 2>&1");
     EXPECT_EQ(ran.status, 0) << page;
@@ -233,7 +233,7 @@ TEST_F(Man, PagesAreFreeOfWarnings) {
 }
 
 TEST_F(Man, ThePageSaysWhatTheHelpSays) {
-  if (!has("groff")) GTEST_SKIP() << "needs groff";
+  if (!has("groff")) GTEST_SKIP() << "needs shells: groff is not installed";
   const Ran ran = shell("groff -man -Kutf8 -Tascii -P-cbou '" + folder.file("man1/berth-sdo-read.1") + "'");
   std::string page;
   std::istringstream words(ran.out);

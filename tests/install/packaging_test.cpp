@@ -46,14 +46,14 @@ std::string contents(const fs::path& path) {
 }
 
 TEST(Packaging, TheDesktopEntryIsValid) {
-  if (!has("desktop-file-validate")) GTEST_SKIP() << "needs desktop-file-validate";
+  if (!has("desktop-file-validate")) GTEST_SKIP() << "needs shells: desktop-file-validate is not installed";
   const Ran ran = run("desktop-file-validate " + packaging("desktop/org.berth_canopen.Studio.desktop"));
   EXPECT_EQ(ran.status, 0);
   EXPECT_EQ(ran.out, "");
 }
 
 TEST(Packaging, TheAppStreamFileIsValid) {
-  if (!has("appstreamcli")) GTEST_SKIP() << "needs appstreamcli";
+  if (!has("appstreamcli")) GTEST_SKIP() << "needs shells: appstreamcli is not installed";
   const Ran ran = run("appstreamcli validate --no-net " + packaging("desktop/org.berth_canopen.Studio.metainfo.xml"));
   EXPECT_EQ(ran.status, 0) << ran.out;
 }
