@@ -1,30 +1,19 @@
 // The client program of examples/real_port, on a plant in a process of its own, as docs/client.md calls it.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
-#include <cstdio>
 #include <string>
 
 #include "../paths.hpp"
 #include "../pch.hpp"
+#include "../shell.hpp"
 #include "process.hpp"
 
 namespace berth::test {
 namespace {
 
 /// Both streams.
-Outcome example_port(const std::string& arguments) {
-  const std::string built = binary();
-  const std::string command = built.substr(0, built.rfind('/')) + "/examples/example_real_port " + arguments + " 2>&1";
-  Outcome outcome;
-  FILE* const pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return outcome;
-  std::array<char, 512> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) outcome.out += piece.data();
-  const int ended = ::pclose(pipe);
-  outcome.status = WIFEXITED(ended) ? WEXITSTATUS(ended) : -1;
-  return outcome;
+Ran example_port(const std::string& arguments) {
+  return shell(example_program("real_port") + " " + arguments + " 2>&1");
 }
 
 TEST(ExamplePort, AsksADeviceOfAPlantAndFollowsIt) {
@@ -33,7 +22,7 @@ TEST(ExamplePort, AsksADeviceOfAPlantAndFollowsIt) {
   Background plant({"plant", example("real_port/io.plant.toml"), "--listen", socket});
   ASSERT_TRUE(plant.says("Ctrl-C ends it"));
   // A device that boots just now cancels what it is asked.
-  Outcome ran;
+  Ran ran;
   ASSERT_TRUE(eventually([&] {
     ran = example_port("plant:" + socket + " 0 5 " + example("eds/io.eds") + " 3 field");
     return ran.out.find("boot-up") == std::string::npos;
@@ -45,10 +34,10 @@ TEST(ExamplePort, AsksADeviceOfAPlantAndFollowsIt) {
 }
 
 TEST(ExamplePort, SaysWhatIsWrong) {
-  const Outcome usage = example_port("plant:x 0 128 " + example("eds/io.eds"));
+  const Ran usage = example_port("plant:x 0 128 " + example("eds/io.eds"));
   EXPECT_EQ(usage.status, 2);
   EXPECT_NE(usage.out.find("usage: "), std::string::npos) << usage.out;
-  const Outcome nothing = example_port("plant:/nowhere.sock 0 5 " + example("eds/io.eds") + " 1 field");
+  const Ran nothing = example_port("plant:/nowhere.sock 0 5 " + example("eds/io.eds") + " 1 field");
   EXPECT_EQ(nothing.status, 3);
   EXPECT_NE(nothing.out.find("/nowhere.sock"), std::string::npos) << nothing.out;
 }

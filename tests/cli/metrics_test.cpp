@@ -2,12 +2,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <cstdio>
 #include <functional>
 #include <optional>
 #include <string>
 
 #include "../pch.hpp"
+#include "../shell.hpp"
 #include "../studio/metrics_reader.hpp"
 #include "machines.hpp"
 #include "process.hpp"
@@ -35,13 +35,8 @@ std::optional<Scraped> scraped(Background& up) {
 
 /// As a scraper asks. Empty: no answer with status 200.
 std::string asked(const std::string& address, const std::string& header) {
-  const auto command = fmt::format("curl -sf -H '{}' '{}'", header, address);
-  FILE* const pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return {};
-  std::string text;
-  char buffer[65536];
-  for (std::size_t n = 0; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;) text.append(buffer, n);
-  return ::pclose(pipe) == 0 ? text : std::string();
+  const auto ran = shell(fmt::format("curl -sf -H '{}' '{}'", header, address));
+  return ran.status == 0 ? ran.out : std::string();
 }
 
 class MetricsCommand : public ::testing::Test {

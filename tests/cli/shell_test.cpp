@@ -1,18 +1,16 @@
 // What shells and man(1) get from the table of the verbs: `berth completion`, what the scripts ask for at TAB, `berth
 // man`.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <string>
 #include <vector>
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <filesystem>
 #include <set>
 #include <sstream>
 
 #include "../paths.hpp"
+#include "../shell.hpp"
 #include "berth/command/verbs.hpp"
 #include "environment.hpp"
 #include "machines.hpp"
@@ -20,25 +18,6 @@
 
 namespace berth::test {
 namespace {
-
-struct Ran {
-  int status = -1;
-  std::string out;
-};
-
-/// Standard output and the status of a shell's command.
-Ran shell(const std::string& command) {
-  Ran ran;
-  FILE* const pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return ran;
-  std::array<char, 4096> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) ran.out += piece.data();
-  const int status = ::pclose(pipe);
-  ran.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128;
-  return ran;
-}
-
-bool has(const std::string& program) { return shell("command -v " + program).status == 0; }
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;

@@ -1,28 +1,20 @@
 // The master program of examples/client: what it prints.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <string>
 
-#include <cstdio>
 #include <fstream>
 
 #include "../paths.hpp"
 #include "../pch.hpp"
+#include "../shell.hpp"
 #include "berth/co/emcy.hpp"
 
 namespace {
 
 std::string printed(const std::string& arguments, int& status) {
-  std::string program = berth::test::binary();
-  program = program.substr(0, program.rfind('/')) + "/examples/example_client " + arguments;
-  FILE* const pipe = ::popen(program.c_str(), "r");
-  if (pipe == nullptr) return {};
-  std::string out;
-  std::array<char, 512> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) out += piece.data();
-  const int ended = ::pclose(pipe);
-  status = WIFEXITED(ended) ? WEXITSTATUS(ended) : -1;
-  return out;
+  const auto ran = berth::test::shell(berth::test::example_program("client") + " " + arguments);
+  status = ran.status;
+  return ran.out;
 }
 
 TEST(ExampleClient, PrintsWhatTheModuleDoes) {

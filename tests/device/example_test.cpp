@@ -1,6 +1,5 @@
 // The device of examples/device, as a program: what it does on its bus, frame by frame.
 #include <gtest/gtest.h>
-#include <cstdio>
 #include <fstream>
 #include <sstream>
 #include <string>
@@ -8,25 +7,11 @@
 
 #include "../paths.hpp"
 #include "../pch.hpp"
+#include "../shell.hpp"
 
 namespace {
 
-struct Run {
-  std::string out;
-  int status = -1;
-};
-
-Run run_example() {
-  std::string program = berth::test::binary();
-  program = program.substr(0, program.rfind('/')) + "/examples/example_device";
-  Run run;
-  FILE* pipe = popen(program.c_str(), "r");
-  if (pipe == nullptr) return run;
-  std::array<char, 512> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) run.out += piece.data();
-  run.status = pclose(pipe);
-  return run;
-}
+berth::test::Ran run_example() { return berth::test::shell(berth::test::example_program("device")); }
 
 // HU.28: a dictionary built at run time, in the example's code.
 TEST(ExampleDevice, DoesWhatItsMakerWrote) {

@@ -1,13 +1,10 @@
 // The package that `cmake --install` gives, and a project outside that uses it: this build is installed to a folder of
 // its own, and configured, built and run against from there.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <string>
 #include <vector>
 
-#include <array>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -15,15 +12,11 @@
 
 #include "../paths.hpp"
 #include "../pch.hpp"
+#include "../shell.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Ran {
-  int status = -1;
-  std::string out;
-};
 
 /// CMake breaks lines where it likes.
 std::string on_one_line(const std::string& text) {
@@ -34,15 +27,8 @@ std::string on_one_line(const std::string& text) {
 }
 
 /// Both streams of a command. It must not see how this build was called.
-Ran run(const std::string& command) {
-  Ran ran;
-  FILE* const pipe = ::popen(("env -u CXXFLAGS -u LDFLAGS -u CXX " + command + " 2>&1").c_str(), "r");
-  if (pipe == nullptr) return ran;
-  std::array<char, 4096> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) ran.out += piece.data();
-  const int status = ::pclose(pipe);
-  ran.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128;
-  return ran;
+berth::test::Ran run_apart(const std::string& command) {
+  return berth::test::shell("env -u CXXFLAGS -u LDFLAGS -u CXX " + command + " 2>&1");
 }
 
 std::string contents(const fs::path& path) {
@@ -63,20 +49,22 @@ class Install : public testing::Test {
     std::string name = (fs::temp_directory_path() / "berth-install-XXXXXX").string();
     ASSERT_NE(::mkdtemp(name.data()), nullptr);
     folder = name;
-    const auto installed = run(std::string(BERTH_CMAKE) + " --install " BERTH_BUILD " --prefix " + name + "/prefix");
+    const auto installed =
+        run_apart(std::string(BERTH_CMAKE) + " --install " BERTH_BUILD " --prefix " + name + "/prefix");
     ASSERT_EQ(installed.status, 0) << installed.out;
   }
   static void TearDownTestSuite() {
     if (!folder.empty()) fs::remove_all(folder);
   }
   /// Configures tests/install/outside against the package. `packages` that the machine may well have are hidden.
-  static Ran configure(const std::string& build, const std::string& rooms, const std::vector<std::string>& hidden) {
+  static berth::test::Ran configure(const std::string& build, const std::string& rooms,
+                                    const std::vector<std::string>& hidden) {
     std::string command = std::string(BERTH_CMAKE) + " -S " + berth::test::source_dir() + "/tests/install/outside -B " +
                           (folder / build).string() + " -G '" BERTH_GENERATOR "' -DCMAKE_CXX_COMPILER=" BERTH_CXX +
                           " -DCMAKE_BUILD_TYPE=None -DCMAKE_PREFIX_PATH=" + (folder / "prefix").string() +
                           " -DROOMS='" + rooms + "'" + " -DCMAKE_EXE_LINKER_FLAGS='" BERTH_LINK_FLAGS "'";
     for (const auto& package : hidden) command += " -DCMAKE_DISABLE_FIND_PACKAGE_" + package + "=TRUE";
-    return run(command);
+    return run_apart(command);
   }
   static fs::path package() {
     for (const auto& entry : fs::recursive_directory_iterator(folder / "prefix")) {
@@ -92,10 +80,10 @@ TEST_F(Install, AnOutsideProjectFindsBuildsAndRuns) {
   const auto configured =
       configure("outside", "co;device;sim", {"SQLiteCpp", "SQLite3", "pugixml", "tomlplusplus", "nlohmann_json"});
   ASSERT_EQ(configured.status, 0) << configured.out;
-  const auto built = run(std::string(BERTH_CMAKE) + " --build " + (folder / "outside").string());
+  const auto built = run_apart(std::string(BERTH_CMAKE) + " --build " + (folder / "outside").string());
   ASSERT_EQ(built.status, 0) << built.out;
   EXPECT_NE(built.out.find("unused"), std::string::npos) << "its own -Wall warns, and no -Werror of ours stops it";
-  const auto ran = run((folder / "outside" / "outside").string());
+  const auto ran = run_apart((folder / "outside" / "outside").string());
   EXPECT_EQ(ran.status, 0);
   EXPECT_EQ(ran.out, "node 5 has vendor-ID 0000002A\n");
 }
@@ -105,9 +93,9 @@ TEST_F(Install, AProgramInCHasTheProcessImage) {
   const auto configured =
       configure("in_c", "co;device;sim;process", {"SQLiteCpp", "SQLite3", "tomlplusplus", "nlohmann_json"});
   ASSERT_EQ(configured.status, 0) << configured.out;
-  const auto built = run(std::string(BERTH_CMAKE) + " --build " + (folder / "in_c").string());
+  const auto built = run_apart(std::string(BERTH_CMAKE) + " --build " + (folder / "in_c").string());
   ASSERT_EQ(built.status, 0) << built.out;
-  const auto ran = run((folder / "in_c" / "outside_c").string());
+  const auto ran = run_apart((folder / "in_c" / "outside_c").string());
   EXPECT_EQ(ran.status, 0);
   EXPECT_EQ(ran.out, "process image \"test-outside\": it is not there; start the program of the device first\n");
 }
@@ -172,7 +160,7 @@ TEST_F(Install, NothingOfThisBuildLeaks) {
 }
 
 TEST_F(Install, TheProgramRuns) {
-  const auto ran = run((folder / "prefix" / "bin" / "berth").string() + " --version");
+  const auto ran = run_apart((folder / "prefix" / "bin" / "berth").string() + " --version");
   EXPECT_EQ(ran.status, 0) << ran.out;
   EXPECT_NE(ran.out.find("0.2.0"), std::string::npos) << ran.out;
 }

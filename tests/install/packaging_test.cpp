@@ -1,44 +1,29 @@
 // What packages hold besides the program and the library (packaging/): judged by the tools of those who read it.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <string>
 
-#include <array>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "../paths.hpp"
 #include "../pch.hpp"
+#include "../shell.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 
-struct Ran {
-  int status = -1;
-  std::string out;
-};
+using berth::test::has;
+using berth::test::Ran;
 
 /// Both streams.
-Ran run(const std::string& command) {
-  Ran ran;
-  FILE* const pipe = ::popen(("{ " + command + "; } 2>&1").c_str(), "r");
-  if (pipe == nullptr) return ran;
-  std::array<char, 4096> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) ran.out += piece.data();
-  const int status = ::pclose(pipe);
-  ran.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128;
-  return ran;
-}
-
-bool has(const std::string& program) { return run("command -v " + program).status == 0; }
+Ran run(const std::string& command) { return berth::test::shell("{ " + command + "; } 2>&1"); }
 
 std::string packaging(const std::string& name) { return berth::test::source_dir() + "/packaging/" + name; }
 
-std::string contents(const fs::path& path) {
+std::string text_of(const fs::path& path) {
   std::ifstream file(path);
   std::ostringstream text;
   text << file.rdbuf();
@@ -60,11 +45,11 @@ TEST(Packaging, TheAppStreamFileIsValid) {
 
 // One version, wherever it is written.
 TEST(Packaging, TheVersionIsThatOfTheProject) {
-  const std::string cmake = contents(berth::test::source_dir() + "/CMakeLists.txt");
+  const std::string cmake = text_of(berth::test::source_dir() + "/CMakeLists.txt");
   const auto at = cmake.find("VERSION ", cmake.find("project(")) + 8;
   const std::string version = cmake.substr(at, cmake.find(' ', at) - at);
-  EXPECT_TRUE(contents(packaging("debian/changelog")).starts_with("berth (" + version + ")")) << version;
-  EXPECT_NE(contents(packaging("desktop/org.berth_canopen.Studio.metainfo.xml")).find("version=\"" + version + "\""),
+  EXPECT_TRUE(text_of(packaging("debian/changelog")).starts_with("berth (" + version + ")")) << version;
+  EXPECT_NE(text_of(packaging("desktop/org.berth_canopen.Studio.metainfo.xml")).find("version=\"" + version + "\""),
             std::string::npos)
       << version;
 }
@@ -76,7 +61,7 @@ TEST(Packaging, TheRulesOfUdevAreWellFormed) {
     const Ran ran = run("udevadm verify --resolve-names=never " + path);
     EXPECT_EQ(ran.status, 0) << ran.out;
   }
-  std::istringstream lines(contents(path));
+  std::istringstream lines(text_of(path));
   int rules = 0;
   for (std::string line; std::getline(lines, line);) {
     if (line.empty() || line.front() == '#') continue;
@@ -117,13 +102,13 @@ class StudioDesktop : public ::testing::Test {
 TEST_F(StudioDesktop, OpensTheAddressThatBerthPrints) {
   const Ran ran = start("'a machine.toml'");
   EXPECT_NE(ran.out.find("starting"), std::string::npos) << ran.out;
-  EXPECT_EQ(contents(file("words")), "studio a machine.toml\n");
-  EXPECT_EQ(contents(file("opened")), "http://127.0.0.1:1/#token\n");
+  EXPECT_EQ(text_of(file("words")), "studio a machine.toml\n");
+  EXPECT_EQ(text_of(file("opened")), "http://127.0.0.1:1/#token\n");
 }
 
 TEST_F(StudioDesktop, WithoutAFileItIsTheBuiltInMachine) {
   (void)start("");
-  EXPECT_TRUE(contents(file("words")).starts_with("demo --studio")) << contents(file("words"));
+  EXPECT_TRUE(text_of(file("words")).starts_with("demo --studio")) << text_of(file("words"));
 }
 
 }  // namespace

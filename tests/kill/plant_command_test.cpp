@@ -1,6 +1,5 @@
 // `berth plant`, and what `berth up` says when the plant is not as it should be. In one process after the other.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <string>
 
@@ -11,25 +10,14 @@
 #include <sstream>
 
 #include "../paths.hpp"
+#include "../shell.hpp"
 
 namespace berth {
 namespace {
 
-struct Outcome {
-  int status = -1;
-  std::string text;
-};
-
 // Both streams together.
-Outcome berth(const std::string& words) {
-  Outcome o;
-  std::FILE* const pipe = ::popen(("timeout 120 " + berth::test::binary() + " " + words + " 2>&1").c_str(), "r");
-  if (pipe == nullptr) return o;
-  char buffer[512];
-  while (std::fgets(buffer, sizeof buffer, pipe) != nullptr) o.text += buffer;
-  const int status = ::pclose(pipe);
-  o.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return o;
+test::Ran berth(const std::string& words) {
+  return test::shell("timeout 120 " + test::binary() + " " + words + " 2>&1");
 }
 
 class PlantCommand : public ::testing::Test {
@@ -53,32 +41,32 @@ class PlantCommand : public ::testing::Test {
 
 TEST_F(PlantCommand, UpWithoutThePlantSaysHowToStartOne) {
   const auto o = berth("up " + folder_ + "m.toml");
-  EXPECT_EQ(o.status, 3) << o.text;
-  EXPECT_NE(o.text.find("no plant listens there"), std::string::npos) << o.text;
-  EXPECT_NE(o.text.find("berth plant PLANT --listen " + folder_ + "s"), std::string::npos) << o.text;
+  EXPECT_EQ(o.status, 3) << o.out;
+  EXPECT_NE(o.out.find("no plant listens there"), std::string::npos) << o.out;
+  EXPECT_NE(o.out.find("berth plant PLANT --listen " + folder_ + "s"), std::string::npos) << o.out;
 }
 
 TEST_F(PlantCommand, WhatNeedsAWorldOfItsOwnIsRefused) {
   const auto o = berth("up " + folder_ + "m.toml --fast");
-  EXPECT_EQ(o.status, 2) << o.text;
-  EXPECT_NE(o.text.find("--sim PLANT"), std::string::npos) << o.text;
+  EXPECT_EQ(o.status, 2) << o.out;
+  EXPECT_NE(o.out.find("--sim PLANT"), std::string::npos) << o.out;
 }
 
 TEST_F(PlantCommand, ABusWithoutABitRateAndAMissingFileAreRefused) {
   auto o = berth("plant " + folder_ + "p.toml --listen " + folder_ + "s");
-  EXPECT_EQ(o.status, 2) << o.text;
-  EXPECT_NE(o.text.find("bit rate"), std::string::npos) << o.text;
+  EXPECT_EQ(o.status, 2) << o.out;
+  EXPECT_NE(o.out.find("bit rate"), std::string::npos) << o.out;
   o = berth("plant " + folder_ + "none.toml --listen " + folder_ + "s");
-  EXPECT_EQ(o.status, 2) << o.text;
+  EXPECT_EQ(o.status, 2) << o.out;
   o = berth("plant " + folder_ + "p.toml --machine " + folder_ + "m.toml --listen " + folder_ + "no/such/folder");
-  EXPECT_EQ(o.status, 3) << o.text;
+  EXPECT_EQ(o.status, 3) << o.out;
   EXPECT_FALSE(std::filesystem::exists(folder_ + "s"));
 }
 
 // A machine of plant ports runs on a simulated world of this process too.
 TEST_F(PlantCommand, SimIsStrongerThanThePort) {
   const auto o = berth("up " + folder_ + "m.toml --sim " + folder_ + "p.toml --until operational");
-  EXPECT_EQ(o.status, 0) << o.text;
+  EXPECT_EQ(o.status, 0) << o.out;
 }
 
 TEST_F(PlantCommand, ThePlantRunsInRealTimeForAProcessAfterAnother) {
@@ -96,17 +84,17 @@ TEST_F(PlantCommand, ThePlantRunsInRealTimeForAProcessAfterAnother) {
   ASSERT_TRUE(listens());
   const std::string up = "up " + folder_ + "m.toml --control " + folder_ + "c --until operational --timeout 100";
   auto o = berth(up);
-  EXPECT_EQ(o.status, 0) << o.text;
-  EXPECT_NE(o.text.find("s1: bound to 00000001-00000001-00000000-00000005 as node-ID 1"), std::string::npos) << o.text;
+  EXPECT_EQ(o.status, 0) << o.out;
+  EXPECT_NE(o.out.find("s1: bound to 00000001-00000001-00000000-00000005 as node-ID 1"), std::string::npos) << o.out;
   // The next knows nothing: it has no store, and finds a device with a node-ID of its own.
   o = berth(up);
-  EXPECT_EQ(o.status, 0) << o.text;
+  EXPECT_EQ(o.status, 0) << o.out;
   // Another rate than the plant's.
   ASSERT_EQ(std::system(("sed -i 's/125_000/250_000/' " + folder_ + "m.toml").c_str()), 0);
   o = berth(up);
-  EXPECT_EQ(o.status, 3) << o.text;
-  EXPECT_NE(o.text.find("is configured for 250000 bit/s, but plant:" + folder_ + "s runs at 125000"), std::string::npos)
-      << o.text;
+  EXPECT_EQ(o.status, 3) << o.out;
+  EXPECT_NE(o.out.find("is configured for 250000 bit/s, but plant:" + folder_ + "s runs at 125000"), std::string::npos)
+      << o.out;
   ASSERT_EQ(std::system(("kill $(cat " + folder_ + "pid)").c_str()), 0);
 }
 

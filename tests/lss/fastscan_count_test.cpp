@@ -1,7 +1,6 @@
 // For 1,000 random addresses the request count equals what the rule says: the traces go to tools/fastscan-count, which
 // knows the rule and nothing of Berth (S4.6, S4.7, S4.14).
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 #include <chrono>
 #include <cstdint>
@@ -12,6 +11,7 @@
 #include <fstream>
 
 #include "../paths.hpp"
+#include "../shell.hpp"
 #include "berth/base/random.hpp"
 #include "berth/lss/fastscan.hpp"
 #include "lss_world.hpp"
@@ -52,22 +52,11 @@ std::string scan(const LssAddress& address, const Kind& kind) {
   return text;
 }
 
-struct Counted {
-  int status = -1;
-  std::string output;
-};
-
-Counted count(const std::string& log) {
+berth::test::Ran count(const std::string& log) {
   const auto path = std::filesystem::path(::testing::TempDir()) / ("fastscan-" + std::to_string(::getpid()) + ".log");
   std::ofstream(path) << log;
-  const std::string command = berth::test::source_dir() + "/tools/fastscan-count " + path.string() + " 2>&1";
-  Counted counted;
-  FILE* pipe = ::popen(command.c_str(), "r");
-  if (pipe == nullptr) return counted;
-  std::array<char, 256> line{};
-  while (std::fgets(line.data(), line.size(), pipe) != nullptr) counted.output += line.data();
-  const int status = ::pclose(pipe);
-  if (WIFEXITED(status)) counted.status = WEXITSTATUS(status);
+  const auto counted =
+      berth::test::shell(berth::test::source_dir() + "/tools/fastscan-count " + path.string() + " 2>&1");
   std::filesystem::remove(path);
   return counted;
 }
@@ -91,8 +80,8 @@ TEST(FastscanCount, S4_6_S4_7_S4_14_AThousandRandomAddresses) {
     }
   }
   const auto counted = count(log);
-  EXPECT_EQ(counted.status, 0) << counted.output;
-  EXPECT_NE(counted.output.find("2300 scans"), std::string::npos) << counted.output;
+  EXPECT_EQ(counted.status, 0) << counted.out;
+  EXPECT_NE(counted.out.find("2300 scans"), std::string::npos) << counted.out;
 }
 
 // The counter can find fault: a request too few, an answer too many, a part that was not confirmed, no scan.
@@ -101,7 +90,7 @@ TEST(FastscanCount, TheCounterFindsWhatIsWrong) {
   const auto good = scan(address, kinds[2]);
   EXPECT_EQ(count(good).status, 0);
   // Paper 4's figures: 132 requests.
-  EXPECT_NE(count(good).output.find("1 scans, 132 requests, 0 faults"), std::string::npos);
+  EXPECT_NE(count(good).out.find("1 scans, 132 requests, 0 faults"), std::string::npos);
   const auto without = [&](const std::string& frame) {
     auto text = good;
     const auto at = text.find(frame);

@@ -1,8 +1,6 @@
 // A whole gateway (docs/multilevel.md): the example of examples/gateway as a program, and machines of several of them.
 #include <gtest/gtest.h>
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "../paths.hpp"
+#include "../shell.hpp"
 #include "berth/multilevel/event_log.hpp"
 #include "berth/multilevel/gateway_access.hpp"
 #include "berth/multilevel/gateway_device.hpp"
@@ -23,16 +22,10 @@ using namespace berth::multilevel::test;
 namespace {
 
 Log run_example() {
-  std::string program = berth::test::binary();
-  program = program.substr(0, program.rfind('/')) + "/examples/example_gateway";
-  FILE* pipe = popen(program.c_str(), "r");
-  if (pipe == nullptr) return {};
-  std::string out;
-  std::array<char, 512> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) out += piece.data();
-  EXPECT_EQ(pclose(pipe), 0);
+  const auto ran = berth::test::shell(berth::test::example_program("gateway"));
+  EXPECT_EQ(ran.status, 0);
   Log lines;
-  std::istringstream text(out);
+  std::istringstream text(ran.out);
   for (std::string line; std::getline(text, line);) lines.push_back(line);
   return lines;
 }

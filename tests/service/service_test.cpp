@@ -6,9 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -17,27 +15,14 @@
 #include <thread>
 
 #include "../paths.hpp"
+#include "../shell.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 
-struct Ran {
-  int status = -1;
-  std::string out;
-};
-
-Ran run(const std::string& command) {
-  Ran ran;
-  FILE* const pipe = ::popen((command + " 2>&1").c_str(), "r");
-  if (pipe == nullptr) return ran;
-  std::array<char, 4096> piece{};
-  while (std::fgets(piece.data(), piece.size(), pipe) != nullptr) ran.out += piece.data();
-  const int status = ::pclose(pipe);
-  ran.status = WIFEXITED(status) ? WEXITSTATUS(status) : 128;
-  return ran;
-}
+berth::test::Ran run(const std::string& command) { return berth::test::shell(command + " 2>&1"); }
 
 bool has_systemd() { return fs::exists("/lib/systemd/systemd") || fs::exists("/usr/lib/systemd/systemd"); }
 
@@ -63,7 +48,7 @@ class Systemd {
   Systemd(const Systemd&) = delete;
   Systemd& operator=(const Systemd&) = delete;
   // In the namespaces.
-  [[nodiscard]] Ran in(const std::string& script) const {
+  [[nodiscard]] berth::test::Ran in(const std::string& script) const {
     std::string quoted;
     for (const char c : script) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
     return run("nsenter --target " + first_process() + " --mount --pid --ipc --uts bash -c '" + quoted + "'");
