@@ -14,6 +14,11 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     -Wno-array-bounds)
   # The compiler collects its garbage from 512 MB on, not from 128: an eighth of its time, for 100 MB more at most.
   target_compile_options(berth_options INTERFACE --param=ggc-min-heapsize=524288)
+  # The C library marks what must not be ignored (`read`, `write`) for optimised builds alone, so a sanitized build would
+  # accept what a release refuses.
+  if(BERTH_SANITIZE)
+    target_compile_definitions(berth_options INTERFACE "__wur=__attribute__((__warn_unused_result__))")
+  endif()
 endif()
 if(CMAKE_CXX_COMPILER_ID MATCHES "Clang")
   target_compile_options(berth_options INTERFACE -Wno-missing-designated-field-initializers -Wno-unknown-warning-option

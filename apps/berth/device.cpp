@@ -376,6 +376,7 @@ int run_device(const Options& options, const DeviceOptions& wanted) {
     watch.look(house.driver.now());
     return false;
   };
+  write_behind();
   wait_until(house.driver, interrupt, look, wanted.duration.value_or(rt::Duration::max()));
   house.voice.ended(house.devices, interrupt.came());
   for (const auto& device : house.devices.all()) device->power(false);

@@ -12,9 +12,11 @@
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
 #include "berth/io/service_manager.hpp"
+#include "berth/io/write_behind.hpp"
 #include "berth/text/printable.hpp"
 #include "options.hpp"
 
@@ -28,6 +30,7 @@ constexpr std::size_t most_told = 100;  // errors of one file, and as many warni
 
 int broken_by = 0;  // errno of the first write that failed
 bool run_ended = false;
+std::optional<io::WriteBehind> behind;  // writes in the place of this thread
 
 std::string dump(const Json& json) { return json.dump(2, ' ', false, Json::error_handler_t::replace); }
 
@@ -98,13 +101,29 @@ void secure_streams() {
   std::signal(SIGXFSZ, SIG_IGN);
 }
 
-bool output_broken() noexcept { return broken_by != 0; }
+bool output_broken() noexcept {
+  if (behind && broken_by == 0) broken_by = behind->broken(STDOUT_FILENO);
+  return broken_by != 0;
+}
+
+void write_behind() {
+  if (behind) return;
+  std::fflush(stdout);
+  behind.emplace(io::WriteBehind::Options{.lost = [](std::size_t lines) {
+    return fmt::format("{}berth: {} lines of output are lost: nobody has read them in time\n",
+                       io::is_journal(STDERR_FILENO) ? "<4>" : "", lines);
+  }});
+  if (!behind->good()) behind.reset();
+}
 
 void end_run() noexcept { run_ended = true; }
 
 bool run_must_end() noexcept { return run_ended || output_broken(); }
 
 int with_output(int status) {
+  if (behind) behind->finish();
+  static_cast<void>(output_broken());
+  behind.reset();
   if (std::fflush(stdout) != 0 && broken_by == 0) broken_by = errno;
   if (broken_by == 0) return run_ended ? int{Exit::failed} : status;
   // EPIPE is not reported: the reader itself closed the pipe.
@@ -114,6 +133,7 @@ int with_output(int status) {
 
 void write_text(const std::string& text) {
   if (output_broken()) return;
+  if (behind) return behind->add(STDOUT_FILENO, text);
   const bool good = std::fwrite(text.data(), 1, text.size(), stdout) == text.size() && std::fflush(stdout) == 0;
   if (!good) broken_by = errno;
 }
@@ -134,6 +154,7 @@ ErrorLines::Take error_lines;  // empty: standard error
 
 // The lines are filtered already.
 void write_errors(const std::string& lines) {
+  if (!error_lines && behind) return behind->add(STDERR_FILENO, lines + "\n");
   if (!error_lines) {
     std::fflush(stdout);
     std::fprintf(stderr, "%s\n", lines.c_str());

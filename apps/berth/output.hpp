@@ -35,6 +35,9 @@ int tell(const Failure& failure, bool json);
 void secure_streams();
 /// Standard output could not be written: the reader has left, or the disk is full. The run then ends as by SIGTERM.
 [[nodiscard]] bool output_broken() noexcept;
+/// From now on until `with_output` a thread of its own writes what is printed, so that nothing of this program waits
+/// for a reader that has stopped: a run whose buses go on meanwhile (`io::WriteBehind`).
+void write_behind();
 /// The run cannot go on: it ends as by SIGTERM, with status 3. The caller has printed the reason.
 void end_run() noexcept;
 /// `end_run` was called, or the output is broken.

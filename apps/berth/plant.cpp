@@ -208,6 +208,7 @@ int run_plant(const Options& options) {
   (*world)->start();
   print_line(options.json ? Json{{"listening", options.control}, {"control", control}}.dump()
                           : fmt::format("plant {} at {}; Ctrl-C ends it", options.sim.plant, options.control));
+  write_behind();
   wait_for(driver, interrupt, rt::Duration::max());
   return Exit::done;
 }

@@ -231,6 +231,7 @@ int run_serve(Options options, ServeOptions serve) {
   } else {
     for (const auto& name : (*buses)->names()) print_line(fmt::format("socketcand://{}/{}", address, name));
   }
+  write_behind();
   wait_for(driver, interrupt, serve.duration.value_or(rt::Duration::max()));
   tell_counters((*server)->counters(), options.json);
   return Exit::done;

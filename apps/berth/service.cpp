@@ -37,7 +37,7 @@ class Service::Beat final : private io::Watcher {
  private:
   void ready(std::uint32_t) noexcept override {
     std::uint64_t times = 0;
-    static_cast<void>(::read(fd_, &times, sizeof times));
+    static_cast<void>(::read(fd_, &times, sizeof times) == 0);
     manager_.tell("WATCHDOG=1");
   }
   io::Loop& loop_;

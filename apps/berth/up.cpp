@@ -131,6 +131,7 @@ int bring_up(const Options& wanted, const Sources& sources, const Story& story) 
   std::vector<Recorded> sent;
   if (options.dry_run) run.record().collect_sent(sent);
   if (const auto no = refusal(run, options)) return tell(*no, options.json);
+  if (run.loop() != nullptr && !options.dry_run) write_behind();
   Screen screen(run.session(), {.live = live,
                                 .quiet = options.json || options.dry_run || options.events.none,
                                 .events = options.events.lines && !options.dry_run,

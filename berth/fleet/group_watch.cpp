@@ -1,17 +1,15 @@
 #include "berth/fleet/group_watch.hpp"
 
 #include <fmt/format.h>
-#include <pthread.h>
 
 #include <algorithm>
 #include <condition_variable>
-#include <csignal>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <system_error>
 #include <thread>
 #include <utility>
 
+#include "berth/base/thread.hpp"
 #include "berth/fleet/watch.hpp"
 
 namespace berth::fleet {
@@ -66,17 +64,9 @@ class GroupWatch::Impl {
   };
 
   void begin() {
-    // Signals are for the thread that waits for them.
-    sigset_t all, before;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
     asked_at_ = SteadyClock::now();
-    try {
-      thread_ = std::thread([this] { run(); });
-    } catch (const std::system_error&) {
-      seen_.trouble = "the system has no thread for it";
-    }
-    pthread_sigmask(SIG_SETMASK, &before, nullptr);
+    thread_ = thread_without_signals([this] { run(); });
+    if (!thread_.joinable()) seen_.trouble = "the system has no thread for it";
   }
 
   // ---- on its thread

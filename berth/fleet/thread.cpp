@@ -1,12 +1,10 @@
 #include "berth/fleet/thread.hpp"
 
 #include <poll.h>
-#include <pthread.h>
 
 #include <algorithm>
-#include <csignal>
-#include <system_error>
 
+#include "berth/base/thread.hpp"
 #include "berth/fleet/hub_parts.hpp"
 
 namespace berth::fleet {
@@ -21,15 +19,7 @@ Hub::~Hub() {
 
 bool Hub::start() noexcept {
   if (!bell_.good()) return false;
-  // Signals are for the thread that waits for them.
-  sigset_t all, before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  try {
-    thread_ = std::thread([this] { run(); });
-  } catch (const std::system_error&) {
-  }
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  thread_ = thread_without_signals([this] { run(); });
   return thread_.joinable();
 }
 

@@ -1,12 +1,10 @@
 #include "berth/mqtt/thread.hpp"
 
-#include <pthread.h>
-#include <signal.h>
 #include <unistd.h>
 
-#include <system_error>
 #include <utility>
 
+#include "berth/base/thread.hpp"
 #include "berth/mqtt/core_parts.hpp"
 #include "berth/mqtt/thread_parts.hpp"
 
@@ -31,17 +29,8 @@ bool Hub::start() noexcept {
   if (epoll_ < 0 || !bell_->good() || !dock_.good() ||
       ::epoll_ctl(epoll_, EPOLL_CTL_ADD, bell_->descriptor(), &event) != 0)
     return false;
-  sigset_t all{}, before{};
-  ::sigfillset(&all);
-  ::pthread_sigmask(SIG_SETMASK, &all, &before);
-  bool started = true;
-  try {
-    thread_ = std::thread([this] { run(); });
-  } catch (const std::system_error&) {
-    started = false;
-  }
-  ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  return started;
+  thread_ = thread_without_signals([this] { run(); });
+  return thread_.joinable();
 }
 
 void Hub::join(std::shared_ptr<Core> core) {
