@@ -13,11 +13,13 @@ foreach(component IN LISTS components)
     message(FATAL_ERROR "packaging/debian/finish.cmake knows no package for ${component}")
   endif()
   set(doc ${component}/usr/share/doc/${package})
-  file(INSTALL ${CPACK_BERTH_PACKAGING}/debian/copyright DESTINATION ${doc})
-  file(INSTALL ${CPACK_BERTH_PACKAGING}/debian/changelog DESTINATION ${doc})
+  # Not file(INSTALL), which would put DESTDIR before the place.
+  file(COPY ${CPACK_BERTH_PACKAGING}/debian/copyright ${CPACK_BERTH_PACKAGING}/debian/changelog DESTINATION ${doc}
+    FILE_PERMISSIONS OWNER_READ OWNER_WRITE GROUP_READ WORLD_READ)
   set(overrides ${CPACK_BERTH_PACKAGING}/debian/${package}.lintian-overrides)
   if(EXISTS ${overrides})
-    file(INSTALL ${overrides} DESTINATION ${component}/usr/share/lintian/overrides RENAME ${package})
+    file(MAKE_DIRECTORY ${component}/usr/share/lintian/overrides)
+    file(COPY_FILE ${overrides} ${component}/usr/share/lintian/overrides/${package})
   endif()
 
   file(GLOB_RECURSE compressed ${component}/usr/share/man/*.1)
