@@ -80,12 +80,12 @@ set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers 
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "iproute2")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "berth-doc, can-utils, xdg-utils")
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "commissions and runs CANopen networks
- Berth finds the devices of a CANopen machine, gives each the node-ID of its slot,
- configures, starts and watches it, and puts a replacement to work. The machine is
- a text file; the same file runs on real buses (SocketCAN, serial adapters) and on
- a built-in simulated one.
- .
- Studio, its web pages, is built in: berth studio.")
+Berth finds the devices of a CANopen machine, gives each the node-ID of its
+slot, configures, starts and watches it, and puts a replacement to work. The
+machine is a text file; the same file runs on real buses (SocketCAN, serial
+adapters) and on a built-in simulated one.
+
+Studio, its web pages, is built in: berth studio.")
 
 # Static libraries only, so there is no package of shared ones: the interface changes with each version, and what a
 # room's inline functions and templates put into a program would not be replaced with a shared library.
@@ -96,16 +96,16 @@ string(JOIN ", " CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS libexpected-dev libfmt
   zlib1g-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS "berth-doc, cmake")
 set(CPACK_COMPONENT_DEVELOPMENT_DESCRIPTION "CANopen devices and masters in C++: headers and static libraries
- A C++20 library for CANopen: devices, clients, network boot-up, LSS, SDO, PDO,
- device descriptions, a bit-exact simulated bus. One static library for each
- room, as CMake package Berth: find_package(Berth COMPONENTS client io).")
+A C++20 library for CANopen: devices, clients, network boot-up, LSS, SDO, PDO,
+device descriptions, a bit-exact simulated bus. One static library for each
+room, as CMake package Berth: find_package(Berth COMPONENTS client io).")
 
 set(CPACK_DEBIAN_DOCUMENTATION_PACKAGE_NAME berth-doc)
 set(CPACK_DEBIAN_DOCUMENTATION_PACKAGE_SECTION doc)
 set(CPACK_DEBIAN_DOCUMENTATION_PACKAGE_ARCHITECTURE all)
 set(CPACK_COMPONENT_DOCUMENTATION_DESCRIPTION "commissions and runs CANopen networks - documentation
- The manual of Berth, and its examples: machine files, simulated plants, device
- descriptions, and programs that use the library.")
+The manual of Berth, and its examples: machine files, simulated plants, device
+descriptions, and programs that use the library.")
 
 foreach(kind postinst prerm postrm)
   list(APPEND CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${from}/debian/${kind})
