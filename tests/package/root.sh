@@ -48,6 +48,7 @@ in_root() {
     mkdir "$folder/dev/pts" "$folder/dev/shm"
     mount -t devpts -o newinstance,ptmxmode=0666 devpts "$folder/dev/pts"
     ln -s pts/ptmx "$folder/dev/ptmx"
+    ln -s /proc/self/fd "$folder/dev/fd"
     for name in null zero full random urandom tty; do
       touch "$folder/dev/$name" && mount --bind "/dev/$name" "$folder/dev/$name"
     done
