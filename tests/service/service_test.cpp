@@ -79,8 +79,8 @@ class Service : public testing::Test {
     systemd.emplace();
     if (!systemd->comes_up()) GTEST_SKIP() << "needs systemd, which does not start in namespaces here";
   }
-  [[nodiscard]] std::string property(const std::string& name) const {
-    std::string value = systemd->in("systemctl show berth@five-slaves --value -p " + name).out;
+  [[nodiscard]] std::string property(const std::string& name, const std::string& machine = "five-slaves") const {
+    std::string value = systemd->in("systemctl show berth@" + machine + " --value -p " + name).out;
     if (!value.empty()) value.pop_back();
     return value;
   }
@@ -91,6 +91,20 @@ class Service : public testing::Test {
       std::this_thread::sleep_for(200ms);
     }
     ADD_FAILURE() << name << " is " << property(name) << "\n" << log();
+    return false;
+  }
+  // A command at the running service.
+  [[nodiscard]] berth::test::Ran command(const std::string& words) const {
+    return systemd->in("export ASAN_OPTIONS=detect_leaks=0; /run/berth-program " + words +
+                       " --control /run/berth/berth-*.sock");
+  }
+  bool logs(const std::string& text) const {
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (std::chrono::steady_clock::now() < end) {
+      if (log().find(text) != std::string::npos) return true;
+      std::this_thread::sleep_for(200ms);
+    }
+    ADD_FAILURE() << "the log does not say " << text << "\n" << log();
     return false;
   }
   [[nodiscard]] std::string log() const { return systemd->in("cat /run/log-five-slaves").out; }
@@ -188,4 +202,52 @@ TEST_F(Service, ASecondOneOnTheSameStoreIsRefused) {
   EXPECT_EQ(second.status, 3) << second.out;
   EXPECT_NE(second.out.find("/var/lib/berth/five-slaves.db: process "), std::string::npos) << second.out;
   EXPECT_EQ(property("NRestarts"), "0");
+}
+
+TEST_F(Service, AUnitWithoutItsMachineFileSaysSoOnce) {
+  ASSERT_EQ(systemd->in("systemctl start --no-block berth@nowhere").status, 0);
+  const auto end = std::chrono::steady_clock::now() + 60s;
+  while (property("ActiveState", "nowhere") != "failed" && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(200ms);
+  EXPECT_EQ(property("ActiveState", "nowhere"), "failed");
+  EXPECT_EQ(property("NRestarts", "nowhere"), "0");
+  EXPECT_EQ(systemd->in("cat /run/log-nowhere").out,
+            "berth: /run/machines/nowhere.toml: error: cannot be read: No such file or directory\n");
+}
+
+// An older Berth was installed again. The store stays as it is, and the service does not try for ever.
+TEST_F(Service, AStoreOfANewerBerthIsLeftAsItIs) {
+  ASSERT_TRUE(begins());
+  ASSERT_EQ(systemd->in("systemctl stop berth@five-slaves").status, 0);
+  const std::string store = "/var/lib/berth/five-slaves.db";
+  ASSERT_EQ(systemd
+                ->in("python3 -c 'import sqlite3; c = sqlite3.connect(\"" + store +
+                     "\"); c.execute(\"pragma user_version = 99\"); c.commit()'")
+                .status,
+            0);
+  const std::string before = systemd->in("sha256sum " + store).out;
+  ASSERT_EQ(systemd->in("systemctl start --no-block berth@five-slaves").status, 0);
+  ASSERT_TRUE(comes("ActiveState", "failed"));
+  EXPECT_EQ(property("NRestarts"), "10");
+  EXPECT_NE(log().find("this store has schema version 99"), std::string::npos) << log();
+  EXPECT_EQ(systemd->in("sha256sum " + store).out, before);
+}
+
+// The bus goes on, a start succeeds, and what could not be written is written when there is room again.
+TEST_F(Service, AFullDiskStopsNeitherTheBusNorAStart) {
+  ASSERT_TRUE(begins());
+  ASSERT_EQ(systemd->in("mount -o remount,size=4m /var/lib").status, 0);
+  static_cast<void>(systemd->in("dd if=/dev/zero of=/var/lib/fill bs=4k"));
+  ASSERT_EQ(command("sim unplug s2").status, 0);
+  ASSERT_TRUE(logs("the disk is full; make room on it"));
+  ASSERT_TRUE(comes("StatusText", "4 of 5 slots operational; s2 absent"));
+  EXPECT_EQ(property("NRestarts"), "0");
+  ASSERT_EQ(systemd->in("kill -KILL " + process()).status, 0);
+  ASSERT_TRUE(comes("NRestarts", "1"));
+  ASSERT_TRUE(comes("ActiveState", "active")) << "the devices of a new simulated world are all there";
+  ASSERT_EQ(command("sim unplug s2").status, 0);
+  ASSERT_TRUE(comes("StatusText", "4 of 5 slots operational; s2 absent"));
+  ASSERT_EQ(systemd->in("rm /var/lib/fill").status, 0);
+  ASSERT_EQ(command("sim plug device:s2").status, 0);
+  EXPECT_TRUE(comes("StatusText", "5 of 5 slots operational"));
 }

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <algorithm>
 #include <chrono>
+#include <ctime>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -94,6 +96,29 @@ TEST_F(Up, InterfaceDownAndUp) {
   })) << "it is noticed";
   vcan->up();
   EXPECT_TRUE(eventually([&] { return slots_operational() == 5; })) << "and all come back";
+  EXPECT_TRUE(up->running());
+}
+
+// The network time arrives late, or a battery is empty. Berth's own time is the kernel's monotonic one.
+TEST_F(Up, TheClockIsSetBackAndForth) {
+  if (!std::filesystem::exists("/run/berth-vm/started")) GTEST_SKIP() << "needs vm: it sets the computer's clock";
+  const auto set = [](std::chrono::hours by) {
+    timespec now{};
+    ::clock_gettime(CLOCK_REALTIME, &now);
+    now.tv_sec += std::chrono::seconds(by).count();
+    return ::clock_settime(CLOCK_REALTIME, &now) == 0;
+  };
+  ASSERT_TRUE(up->says("field  operational"));
+  ASSERT_TRUE(set(-24h));
+  second->kill();
+  ASSERT_TRUE(eventually([&] { return slots_operational() == 4; })) << "its silence is noticed";
+  Running replacement(place, "new", {"device", plant, "--port", "socketcan:vt0", "--device", "s2 new", "--json"});
+  ASSERT_TRUE(eventually([&] { return operational(replacement, "s2 new") == 2; }));
+  ASSERT_TRUE(set(72h));
+  ASSERT_TRUE(eventually([&] { return slots_operational() == 5; }));
+  replacement.kill();
+  EXPECT_TRUE(eventually([&] { return slots_operational() == 4; }));
+  EXPECT_TRUE(everybody()) << "nobody else was lost";
   EXPECT_TRUE(up->running());
 }
 
