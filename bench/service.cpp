@@ -169,6 +169,7 @@ design::Machine week_machine() {
     slot.spec.id = NodeId(static_cast<std::uint8_t>(id));
     slot.spec.type = type;
     slot.spec.when_ambiguous = places::WhenAmbiguous::first_seen;
+    slot.spec.replacement = places::Replacement::automatic;
     machine.slots.push_back(slot);
   }
   return machine;

@@ -85,7 +85,7 @@ TEST(PortLock, AnotherUsersProcessIsNamedAndHoldsNoSerialAdapter) {
     const auto adapter = PortLock::take(port(serial));
     if (!own || !adapter) byte = 'n';
     if (::write(ready[1], &byte, 1) != 1) ::_exit(1);
-    static_cast<void>(::read(end[0], &byte, 1));
+    static_cast<void>(::read(end[0], &byte, 1) == 0);
     ::_exit(0);
   }
   char byte = 0;

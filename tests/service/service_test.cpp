@@ -35,8 +35,8 @@ class Systemd {
     const std::string binary = berth::test::binary();
     if (unshare_ != 0) return;
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-    static_cast<void>(std::freopen("/dev/null", "r", stdin));
-    static_cast<void>(std::freopen("/dev/null", "w", stdout));
+    static_cast<void>(std::freopen("/dev/null", "r", stdin) == nullptr);
+    static_cast<void>(std::freopen("/dev/null", "w", stdout) == nullptr);
     ::execlp("unshare", "unshare", "--mount", "--pid", "--fork", "--kill-child", "--cgroup", "--ipc", "--uts", "bash",
              boot.c_str(), source.c_str(), binary.c_str(), nullptr);
     ::_exit(127);
