@@ -26,6 +26,8 @@ metrics_packages=(prometheus python3-prometheus-client)
 shell_packages=(zsh fish groff-base desktop-file-utils appstream)
 # What makes Debian packages, checks them and tries them in a bare root.
 package_packages=(ccache dpkg-dev file lintian mmdebstrap xz-utils)
+# What builds the container of packaging/Containerfile, for its test.
+container_packages=(buildah mmdebstrap)
 bench_packages=(libbenchmark-dev valgrind "${mqtt_packages[@]}")
 clang_packages=(clang-16 libclang-rt-16-dev)
 lint_packages=(clang-format-16 clang-tidy-16)

@@ -94,6 +94,7 @@ TEST(FleetMachine, ALostDeviceDiesAndIsBornAgainWithoutItsOldValues) {
   ASSERT_TRUE(rig.until([&] { return view.count(MessageType::dbirth, "left") == 2; }));
   const auto* const value = view.last("left", "Signals/Position value");
   EXPECT_NE(value->quality, sparkplug::Quality::good) << "it was not heard since";
+  EXPECT_FALSE(sparkplug::same(value->value, std::uint64_t{7})) << "it may be another device";
   ASSERT_TRUE(rig.until([&] { return view.is("", "Slots/left/State", text("operational")); }));
 }
 
