@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "bench/tools/figures.hpp"
-#include "berth/plant/world.hpp"
+#include "bench/tools/world.hpp"
 #include "berth/tree/session.hpp"
 
 using namespace berth;
@@ -15,44 +15,24 @@ using namespace std::chrono_literals;
 
 namespace {
 
-constexpr TypeCode type{1, 1};
-constexpr const char* bus_name = "bench";
+using bench::bus_name;
 constexpr unsigned devices = 30;
 
 design::Machine machine_of(std::uint32_t bit_rate, rt::Duration period) {
-  design::Machine machine;
-  machine.name = "bench";
-  design::Bus bus;
-  bus.name = bus_name;
-  bus.bitrate = bit_rate;
-  bus.timing.probe_period = period;
-  machine.buses.push_back(bus);
-  for (unsigned id = 1; id <= devices; ++id) {
-    design::Slot slot;
-    slot.spec.name = {machine.name, bus.name, fmt::format("s{}", id)};
-    slot.spec.id = NodeId(static_cast<std::uint8_t>(id));
-    slot.spec.type = type;
-    slot.spec.when_ambiguous = places::WhenAmbiguous::first_seen;
-    slot.spec.optional = id == devices;  // the one that comes
-    machine.slots.push_back(slot);
-  }
+  auto machine = bench::machine_of(devices, bit_rate);
+  machine.buses.front().timing.probe_period = period;
+  machine.slots.back().spec.optional = true;  // the one that comes
   return machine;
 }
 
 plant::PlantFile plant_of(plant::Speaks speaks) {
-  plant::PlantFile plant;
-  plant.buses.push_back({bus_name, 0});
-  for (unsigned serial = 1; serial <= devices; ++serial) {
-    plant::PlantDevice device;
-    device.name = fmt::format("d{}", serial);
-    device.bus = bus_name;
-    device.address = {type.vendor, type.product, 0, serial};
-    device.response = {500us, 2ms, 0, 0ms};
+  auto plant = bench::plant_of(devices, false, 500us);
+  for (auto& device : plant.devices) {
+    device.response.max = 2ms;
     device.speaks = {plant::Speaks::lss};
     device.speaks.add(speaks);
-    device.plugged = serial != devices;
-    plant.devices.push_back(device);
   }
+  plant.devices.back().plugged = false;
   return plant;
 }
 
@@ -68,12 +48,7 @@ struct Measured {
 
 Measured measure(std::uint32_t bit_rate, rt::Duration period, plant::Speaks speaks) {
   const auto machine = machine_of(bit_rate, period);
-  const auto plant = plant_of(speaks);
-  Findings findings;
-  const plant::BusRate rate{bus_name, bit_rate};
-  const auto world = plant::World::make(plant, {&rate, 1}, findings);
-  if (!world) give_up("no world");
-  world->start();
+  const auto world = bench::start(plant_of(speaks), bit_rate);
   world->sim().run_for(200ms);
   const auto port = world->attach_master(bus_name);
   places::MemoryStore store;

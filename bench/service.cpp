@@ -23,7 +23,7 @@
 
 #include "bench/tools/child.hpp"
 #include "bench/tools/figures.hpp"
-#include "berth/plant/world.hpp"
+#include "bench/tools/world.hpp"
 #include "berth/store/database.hpp"
 #include "berth/tree/session.hpp"
 
@@ -175,42 +175,23 @@ void idle(const std::string& interface) {
 
 // ---- the week ----
 
-constexpr TypeCode type{1, 1};
-constexpr const char* bus_name = "field";
+using bench::bus_name;
 constexpr unsigned slots = 30;
 constexpr unsigned days = 7;
+constexpr std::uint32_t bit_rate = 250'000;
 
 design::Machine week_machine() {
-  design::Machine machine;
-  machine.name = "week";
-  design::Bus bus;
-  bus.name = bus_name;
-  bus.bitrate = 250'000;
-  machine.buses.push_back(bus);
-  for (unsigned id = 1; id <= slots; ++id) {
-    design::Slot slot;
-    slot.spec.name = {machine.name, bus.name, fmt::format("s{}", id)};
-    slot.spec.id = NodeId(static_cast<std::uint8_t>(id));
-    slot.spec.type = type;
-    slot.spec.when_ambiguous = places::WhenAmbiguous::first_seen;
-    slot.spec.replacement = places::Replacement::automatic;
-    machine.slots.push_back(slot);
-  }
+  auto machine = bench::machine_of(slots, bit_rate);
+  for (auto& slot : machine.slots) slot.spec.replacement = places::Replacement::automatic;
   return machine;
 }
 
 /// A device for each slot, and one more for each day.
 plant::PlantFile week_plant() {
-  plant::PlantFile plant;
-  plant.buses.push_back({bus_name, 0});
-  for (unsigned serial = 1; serial <= slots + days; ++serial) {
-    plant::PlantDevice device;
-    device.name = fmt::format("d{}", serial);
-    device.bus = bus_name;
-    device.address = {type.vendor, type.product, 0, serial};
-    device.response = {500us, 2ms, 0, 0ms};
-    device.plugged = serial <= slots;
-    plant.devices.push_back(device);
+  auto plant = bench::plant_of(slots + days, false, 500us);
+  for (auto& device : plant.devices) {
+    device.response.max = 2ms;
+    device.plugged = device.address.serial <= slots;
   }
   return plant;
 }
@@ -274,13 +255,9 @@ class Week {
 void week() {
   const Folder folder;
   const auto machine = week_machine();
-  Findings findings;
-  const plant::BusRate rate{bus_name, machine.buses.front().bitrate};
-  const auto world = plant::World::make(week_plant(), {&rate, 1}, findings);
-  if (!world) give_up("no world");
   auto store = store::Database::open(folder.file("week.db"), {.sync = false});
   if (!store) give_up(store.error().message);
-  world->start();
+  const auto world = bench::start(week_plant(), bit_rate);
   const auto port = world->attach_master(bus_name);
   tree::Session session(world->executor(), machine, **store);
   if (!session.connect(bus_name, *port) || !session.open()) give_up("no session");

@@ -24,6 +24,24 @@ plant::PlantFile plant_of(unsigned count, bool configured, plant::Duration respo
   return plant;
 }
 
+design::Machine machine_of(unsigned slots, std::uint32_t bit_rate) {
+  design::Machine machine;
+  machine.name = "bench";
+  design::Bus bus;
+  bus.name = bus_name;
+  bus.bitrate = bit_rate;
+  machine.buses.push_back(bus);
+  for (unsigned id = 1; id <= slots; ++id) {
+    design::Slot slot;
+    slot.spec.name = {machine.name, bus.name, "s" + std::to_string(id)};
+    slot.spec.id = NodeId(static_cast<std::uint8_t>(id));
+    slot.spec.type = {1, 1};
+    slot.spec.when_ambiguous = places::WhenAmbiguous::first_seen;
+    machine.slots.push_back(slot);
+  }
+  return machine;
+}
+
 std::unique_ptr<plant::World> start(const plant::PlantFile& plant, std::uint32_t bit_rate) {
   Findings findings;
   const plant::BusRate rate{bus_name, bit_rate};

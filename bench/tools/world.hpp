@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "berth/design/machine.hpp"
 #include "berth/plant/world.hpp"
 #include "berth/rt/scope.hpp"
 
@@ -14,7 +15,9 @@ inline constexpr const char* bus_name = "bench";
 /// A plant of `count` devices on one bus, all of one type with serial numbers 1, 2, ...; node-IDs 1, 2, ... when
 /// `configured`, else blank.
 [[nodiscard]] plant::PlantFile plant_of(unsigned count, bool configured, plant::Duration response);
-/// Its world, started; ends the program when it cannot be made.
+/// The machine for such a plant: slots s1, s2, ... with node-IDs 1, 2, ..., each for any of its devices.
+[[nodiscard]] design::Machine machine_of(unsigned slots, std::uint32_t bit_rate);
+/// A plant's world, started; ends the program when it cannot be made.
 [[nodiscard]] std::unique_ptr<plant::World> start(const plant::PlantFile& plant, std::uint32_t bit_rate);
 
 /// Runs a task to its end; false when it took longer than `limit` in the world.

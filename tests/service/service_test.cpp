@@ -84,13 +84,17 @@ class Service : public testing::Test {
     if (!value.empty()) value.pop_back();
     return value;
   }
-  bool comes(const std::string& name, const std::string& value, std::chrono::seconds most = 120s) const {
+  static bool eventually(const std::function<bool()>& so, std::chrono::seconds most) {
     const auto end = std::chrono::steady_clock::now() + most;
     while (std::chrono::steady_clock::now() < end) {
-      if (property(name) == value) return true;
+      if (so()) return true;
       std::this_thread::sleep_for(200ms);
     }
-    ADD_FAILURE() << name << " is " << property(name) << "\n" << log();
+    return false;
+  }
+  bool comes(const std::string& name, const std::string& value, const std::string& machine = "five-slaves") const {
+    if (eventually([&] { return property(name, machine) == value; }, 120s)) return true;
+    ADD_FAILURE() << name << " is " << property(name, machine) << "\n" << log();
     return false;
   }
   // A command at the running service.
@@ -99,11 +103,7 @@ class Service : public testing::Test {
                        " --control /run/berth/berth-*.sock");
   }
   bool logs(const std::string& text) const {
-    const auto end = std::chrono::steady_clock::now() + 60s;
-    while (std::chrono::steady_clock::now() < end) {
-      if (log().find(text) != std::string::npos) return true;
-      std::this_thread::sleep_for(200ms);
-    }
+    if (eventually([&] { return log().find(text) != std::string::npos; }, 60s)) return true;
     ADD_FAILURE() << "the log does not say " << text << "\n" << log();
     return false;
   }
@@ -206,10 +206,7 @@ TEST_F(Service, ASecondOneOnTheSameStoreIsRefused) {
 
 TEST_F(Service, AUnitWithoutItsMachineFileSaysSoOnce) {
   ASSERT_EQ(systemd->in("systemctl start --no-block berth@nowhere").status, 0);
-  const auto end = std::chrono::steady_clock::now() + 60s;
-  while (property("ActiveState", "nowhere") != "failed" && std::chrono::steady_clock::now() < end)
-    std::this_thread::sleep_for(200ms);
-  EXPECT_EQ(property("ActiveState", "nowhere"), "failed");
+  EXPECT_TRUE(comes("ActiveState", "failed", "nowhere"));
   EXPECT_EQ(property("NRestarts", "nowhere"), "0");
   EXPECT_EQ(systemd->in("cat /run/log-nowhere").out,
             "berth: /run/machines/nowhere.toml: error: cannot be read: No such file or directory\n");

@@ -17,6 +17,7 @@
 
 #include "../paths.hpp"
 #include "../pch.hpp"
+#include "../shell.hpp"
 #include "berth/text/printable.hpp"
 #include "metrics_reader.hpp"
 
@@ -210,10 +211,8 @@ int fed(const std::string& command, const std::string& text) {
   return WEXITSTATUS(status);
 }
 
-bool has(const char* check) { return fed(fmt::format("{} >/dev/null 2>&1", check), "") == 0; }
-
 #define NEEDS_PROMTOOL() \
-  if (!has("command -v promtool")) GTEST_SKIP() << "needs metrics: promtool is not installed"
+  if (!test::has("promtool")) GTEST_SKIP() << "needs metrics: promtool is not installed"
 
 TEST(StudioMetrics, PromtoolFindsNothingWrong) {
   NEEDS_PROMTOOL();
@@ -227,7 +226,7 @@ TEST(StudioMetrics, PromtoolFindsNothingWrong) {
 }
 
 TEST(StudioMetrics, PrometheusClientReadsBothForms) {
-  if (!has("PATH=/usr/bin:$PATH python3 -c 'import prometheus_client'"))
+  if (test::shell("PATH=/usr/bin:$PATH python3 -c 'import prometheus_client' 2>&1").status != 0)
     GTEST_SKIP() << "needs metrics: python3-prometheus-client is not installed";
   Figures odd = figures();
   odd.slots[0].name = "a \"quoted\"\\ name\nof two lines, {with=\"labels\"} # and \xc3\xa9";
@@ -295,7 +294,7 @@ TEST(StudioMetrics, TheDashboardAsksOnlyForWhatThePageHas) {
   }
   EXPECT_GT(asked.size(), 10U);
   // Prometheus reads each query.
-  if (has("command -v promtool")) {
+  if (test::has("promtool")) {
     std::string rules = "groups:\n- name: q\n  rules:\n";
     for (const auto& query : queries) {
       if (query.starts_with("label_values") || query == "prometheus") continue;
