@@ -369,8 +369,8 @@ inline void SdoTransfer::leave() noexcept {
 
 // ---- a channel
 
-void SdoLine::cancel() noexcept {
-  while (first_ != nullptr) first_->fail_with(Errc::cancelled, 0, "the SDO transfer was cancelled");
+void SdoLine::cancel(const char* why) noexcept {
+  while (first_ != nullptr) first_->fail_with(Errc::cancelled, 0, why);
 }
 
 void SdoLine::enqueue(SdoTransfer& transfer) noexcept {

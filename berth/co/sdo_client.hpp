@@ -309,7 +309,7 @@ class SdoLine : private rt::Job {
   void enqueue(SdoTransfer& transfer) noexcept;
   void remove(SdoTransfer& transfer) noexcept;
   void remove_of_several(SdoTransfer& transfer) noexcept;
-  void cancel() noexcept;
+  void cancel(const char* why = "the SDO transfer was cancelled") noexcept;
   [[nodiscard]] bool may_be_owed(const can::Frame& frame) const noexcept;
   [[nodiscard]] bool is_for_another(NodeId node, const can::Frame& answer, rt::Time at) noexcept;
   void give_up_open(rt::Time at) noexcept;
@@ -437,9 +437,9 @@ class SdoClient final : private can::Handler {
     return with(node).write<T>(index, sub, value, more...);
   }
 
-  /// Ends the transfers of a node with Errc::cancelled, without a frame: the node was reset or is gone.
+  /// Ends the transfers of a node with Errc::cancelled, without a frame: it has booted, and answers no earlier request.
   void cancel(NodeId node) noexcept {
-    if (node.configured()) line(node).cancel();
+    if (node.configured()) line(node).cancel("the node booted during the SDO transfer");
   }
 
   void set_options(const SdoOptions& options) noexcept { settings_.options = options; }

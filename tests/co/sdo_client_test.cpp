@@ -627,7 +627,9 @@ TEST_F(Client, CancelAndDestroyAtAnyTime) {
     client.cancel(node);
     run(1ms);
     EXPECT_TRUE(fa.set && fb.set);
-    EXPECT_EQ(a.await_resume().error().code, Errc::cancelled);
+    const auto ended = a.await_resume();
+    EXPECT_EQ(ended.error().code, Errc::cancelled);
+    EXPECT_EQ(std::string(ended.error().text), "the node booted during the SDO transfer");
     EXPECT_EQ(b.await_resume().error().code, Errc::cancelled);
     EXPECT_FALSE(client.busy(node));
   }

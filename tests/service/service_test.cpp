@@ -252,3 +252,24 @@ TEST_F(Service, AFullDiskEndsNeitherTheServiceNorItsStart) {
   EXPECT_EQ(property("StatusText"), "5 of 5 slots operational");
   EXPECT_EQ(property("NRestarts"), "1");
 }
+
+// The package puts a new file where the program was. The one that runs does not notice; the next start takes the new
+// one.
+TEST_F(Service, AnUpgradeIsTakenAtTheNextStart) {
+  const std::string put = "cp " + berth::test::binary() + " /run/new && mv /run/new /run/berth-program";
+  ASSERT_EQ(systemd->in("umount /run/berth-program && rm /run/berth-program && " + put).status, 0);
+  ASSERT_TRUE(begins());
+  const std::string old = process();
+  const auto runs = [this] { return systemd->in("readlink /proc/" + process() + "/exe").out; };
+  EXPECT_EQ(runs(), "/run/berth-program\n");
+  ASSERT_EQ(systemd->in(put).status, 0);
+  EXPECT_EQ(runs(), "/run/berth-program (deleted)\n");
+  EXPECT_EQ(reloaded(), "/run/machines/five-slaves.toml: nothing has changed\n");
+  EXPECT_EQ(command("status").status, 0) << "the new program asks the old one";
+  EXPECT_EQ(command("sdo read s3 1018h:04").status, 0);
+  EXPECT_EQ(property("NRestarts") + " " + process(), "0 " + old);
+  ASSERT_EQ(systemd->in("systemctl restart berth@five-slaves").status, 0);
+  EXPECT_EQ(runs(), "/run/berth-program\n");
+  EXPECT_NE(process(), old);
+  EXPECT_EQ(property("StatusText"), "5 of 5 slots operational");
+}
