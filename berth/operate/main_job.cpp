@@ -460,8 +460,9 @@ bool MainJob::retry_due() {
     const bool troubled =
         seat->life == Life::absent || seat->state() == SlotState::duplicate || seat->life == Life::misplaced;
     const bool silent = again && !beats;  // it may have left before its heartbeat was watched
-    seat->ask_again =
-        (troubled || silent) && seat->polled && seat->slot.record.confirmed && !seat->slot.record.intended;
+    const bool two_voices = seat->life == Life::suspect && seat->left_lately(now, heartbeat_period(timing, *seat));
+    seat->ask_again = (troubled || silent) && seat->polled && seat->slot.record.confirmed &&
+                      !seat->slot.record.intended && !two_voices;
     const bool unknown_duplicate = seat->life == Life::doubled && !seat->slot.record.device();
     if (unknown_duplicate) look_anew(p_.slots, *seat);
   }

@@ -91,8 +91,9 @@ struct LastHeard {
   bool untyped = false;                       ///< it answered 1018h and not 1000h (letter B)
   rt::Time hurried{};                         ///< when a boot-up hastened the look at the bus
   rt::Time taken_back{};                      ///< when a search found it in its slot
-  rt::Time left{};                            ///< when it last left operational by itself
+  rt::Time left{};                            ///< when it last left operational by itself, or seemed to
   unsigned leaves = 0;                        ///< in a row, each soon after the previous one
+  unsigned doubts = 0;                        ///< how often a second device was looked for because of these
   std::optional<places::SlotState> failed{};  ///< how the binding that is tried again ended before
   std::optional<rt::Time> reset{};            ///< when equals were reset, to see which node-IDs they have stored
   unsigned resets = 0;                        ///< how often, until each had booted
@@ -160,6 +161,10 @@ struct Seat {
     slave.status.result.status = status;
   }
   [[nodiscard]] manager::BootStatus letter() const noexcept { return slave.status.result.status; }
+  /// Its heartbeats reported another state than operational within the last four periods.
+  [[nodiscard]] bool left_lately(rt::Time now, rt::Duration period) const noexcept {
+    return now - last.left < 4 * period;
+  }
   /// Letter K: it was started, answers SDO, but the heartbeat that 1017h promises never came.
   [[nodiscard]] bool is_unheard() const noexcept {
     return life == Life::failed && rate.by_sdo && letter() == manager::BootStatus::k;

@@ -187,7 +187,7 @@ rt::Task<bool> Starter::may_boot(Seat& seat) {
 
 bool Starter::starts(const network::Slave& slave) noexcept {
   const Seat& seat = seat_of(slave);
-  return s_.may_command() && !configuring_.rebooted(seat) && startup_.starts(seat);
+  return s_.may_command() && startup_.starts(seat);
 }
 
 void Starter::ended(network::Slave& slave) noexcept {

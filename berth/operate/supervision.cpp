@@ -36,6 +36,7 @@ std::string text_of_leaving(const Seat& seat, NmtState state) {
 
 // Shows at once what a slot's device reports. What must be asked first waits for the turn.
 void Supervision::show(Seat& seat, const Wake& wake, NmtState state) {
+  if (seat.life == Life::suspect && wake.kind == Wake::Kind::state) seat.last.left = wake.at;
   if (seat.life != Life::operational) return;
   if (wake.kind == Wake::Kind::lost) {
     lost(seat);
@@ -194,8 +195,7 @@ rt::Task<void> Supervision::handle(Wake wake) {
     case Wake::Kind::lost:
       // It was asked meanwhile, with or without success; or no heartbeat is expected any more.
       if (wake.at <= seat->checked || seat->rate.by_sdo) co_return;
-      // A device that booted may send no heartbeat before it is configured; its boot-up shows whether it is there.
-      if (!seat->is_to_boot()) lost(*seat);
+      lost(*seat);
       co_return;
     case Wake::Kind::recovered: {
       const auto steady = s_.boots.steady(seat->id());
@@ -227,6 +227,7 @@ rt::Task<void> Supervision::booted(Seat& seat, rt::Time at) {
 }
 
 void Supervision::lost(Seat& seat) {
+  // A device that booted may send no heartbeat before it is configured; its boot-up shows whether it is there.
   const bool gone = s_.heartbeats.lost(seat.id()) || !s_.watched_state(seat.id());
   if (!seat.there() || !gone) return;
   const std::string why = silence_of(seat);
@@ -310,12 +311,20 @@ void Supervision::make_free(Seat& seat) {
 void Supervision::doubt_who_leaves(Seat& seat) {
   constexpr unsigned often = 3;
   const rt::Time now = s_.executor.now();
-  const bool soon = now - seat.last.left < 4 * heartbeat_period(s_.bus.timing, seat);
+  const bool soon = seat.left_lately(now, heartbeat_period(s_.bus.timing, seat));
+  if (now - seat.last.left > std::chrono::minutes(10)) seat.last.doubts = 0;
   seat.last.left = now;
   seat.last.leaves = soon ? seat.last.leaves + 1 : 1;
   if (seat.last.leaves < often) return;
   seat.last.leaves = 0;
   doubt_alone(seat, agenda_);
+  // It was looked for before, and nobody was found: it hears nothing, or there is none.
+  if (++seat.last.doubts < 2) return;
+  slots_.happened(
+      seat, SlotEvent::doubted,
+      "its heartbeat reports operational and another state in turn: a second device, which answers nothing, "
+      "holds this node-ID, or the device leaves operational again and again; take the second one off the bus, or "
+      "replace the device");
 }
 
 rt::Task<void> Supervision::told_state(Seat& seat) {

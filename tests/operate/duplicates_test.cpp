@@ -109,6 +109,29 @@ TEST(Duplicates, AStrangerUnderARunningDevicesNodeIdIsTakenOff) {
   EXPECT_EQ(rig.seats(), (Seats{{5, 1}}));
 }
 
+// A second device under its node-ID hears nothing, and its heartbeats report another state: neither answers twice, nor
+// is one of them started by what the other is told.
+TEST(Duplicates, OneThatLeavesOperationalAtEachHeartbeatOfAnotherIsDoubted) {
+  auto p = its_own_device();
+  auto& deaf = stored(p, "deaf", type_b, 9, 5);
+  deaf.plugged = false;
+  deaf.heartbeat = 1s;
+  Rig rig(slot_five(), p);
+  rig.begin();
+  ASSERT_TRUE(rig.until_operational(30s)) << rig.log();
+  rig.device("deaf").plug();
+  rig.device("deaf").deaf(0s);
+  rig.run_for(60s);
+  EXPECT_EQ(rig.state(5), SlotState::duplicate) << rig.log();
+  unsigned left = 0;
+  for (auto at = rig.log().find("left operational"); at != std::string::npos; ++left) {
+    at = rig.log().find("left operational", at + 1);
+  }
+  EXPECT_LT(left, 8U) << rig.log();
+  rig.device("deaf").unplug();
+  EXPECT_TRUE(rig.until_operational(60s)) << rig.log();
+}
+
 // The slot's device answers at once. The stranger is still busy with that answer, or with a heartbeat under its own
 // node-ID, when the next question comes, and its receive buffer holds one frame.
 TEST(Duplicates, AStrangerThatLosesWhatComesBehindAnswersIsHeardWhenBerthBegins) {
