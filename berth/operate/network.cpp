@@ -183,7 +183,9 @@ Result<void> Network::replace(const std::string& slot, std::optional<Identity> d
     device = *waits;
   }
   if (seat->life == Life::operational || (seat->there() && seat->state() == SlotState::present)) {
-    return fail(Errc::invalid, "the slot's device is there; switch it off or take it off the bus first, and wait until the slot is absent");
+    return fail(
+        Errc::invalid,
+        "the slot's device is there; switch it off or take it off the bus first, and wait until the slot is absent");
   }
   if (device && !places::fits(seat->slot.spec, *device)) {
     return fail(Errc::invalid, "the device's vendor-ID, product code or revision is not the slot's");
