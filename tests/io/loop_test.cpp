@@ -422,6 +422,22 @@ TEST(LoopPace, AJobThatHoldsTheWorldHoldsItAtItsInstant) {
   EXPECT_GE(executor.now() - holds.at, 500us);
 }
 
+TEST(LoopPace, TimeThatPassedWhileItStoodIsNotMadeUp) {
+  rt::Executor executor;
+  Loop loop(executor);
+  Counter timed;
+  loop.turn(1ms);
+  loop.pause(true);
+  executor.after(100ms, timed);
+  std::this_thread::sleep_for(200ms);
+  loop.turn(1ms);
+  EXPECT_EQ(timed.runs, 0);
+  loop.pause(false);
+  const auto began = std::chrono::steady_clock::now();
+  while (timed.runs == 0) loop.turn(10ms);
+  EXPECT_GE(std::chrono::steady_clock::now() - began, 99ms);
+}
+
 TEST(LoopPace, ASpeedIsWorldTimeBesideTheClocks) {
   rt::Executor executor;
   Loop loop(executor);
