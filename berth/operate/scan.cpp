@@ -39,7 +39,8 @@ class Listening final : private can::Handler {
 // ---- one node ----
 
 rt::Task<void> Scan::ask(NodeId id, Seen& seen, ScanRange range) {
-  const co::SdoOptions patience = p_.asking.patience(id, 1);
+  co::SdoOptions patience = p_.asking.first_patience();
+  patience.retries = 1;
   seen.id = id;
   const auto type = co_await p_.bus.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type) seen.device_type = *type;
@@ -66,7 +67,7 @@ void Scan::tell_state(Seen& seen, ScanRange range) const {
 }
 
 rt::Task<void> Scan::ask_nodes(std::vector<Seen>& nodes, std::bitset<128> ids, ScanRange range) {
-  rt::Scope asked(p_.bus.executor, p_.asking.most_at_once());
+  rt::Scope asked(p_.bus.executor, p_.asking.most_first_at_once());
   for (std::uint8_t i = 1; i <= 127; ++i) {
     const NodeId id(i);
     if (ids.test(i) && id != p_.bus.bus.master) asked.spawn(ask(id, nodes[i - 1U], range));

@@ -60,6 +60,43 @@ TEST_F(Command, MemoryOfTheDevicesNeedsAPlaceForAFile) {
 
 // ---- services ----
 
+// It only reports, so that those found go on answering; 120 are asked for between all others within its time limit.
+TEST_F(Command, AScanOfManyBlankDevicesEnds) {
+  for (const auto* const devices : {"sixty", "hundred-twenty"}) {
+    std::string plant_file = example("hundred-twenty.plant.toml");
+    if (std::string(devices) == "sixty") {
+      plant_file =
+          folder.write("sixty.plant.toml",
+                       "[bus.field]\n[[device]]\nbus = \"field\"\nname = \"d {n}\"\ncount = 60\nserial_first = "
+                       "0x10005\nserial_step = 3\ntype = { vendor = 1, product = 1, revision = 0x10000 }\n");
+    }
+    const Outcome outcome =
+        berth({"scan", "--all", "--machine", example("hundred-twenty.toml"), "--sim", plant_file, "--json"});
+    ASSERT_EQ(outcome.status, 0) << devices << outcome.out;
+    EXPECT_EQ(Json::parse(outcome.out).at("unconfigured"), std::string(devices) == "sixty" ? 60 : 120) << devices;
+  }
+}
+
+// 300 ms are within the SDO timeout: each is shown with its identity, whether it is heard or silent.
+TEST_F(Command, AScanWaitsForSlowAnswers) {
+  std::string slow = "[bus.line]\n";
+  for (const std::string serial : {"1", "2"}) {
+    slow += "[[device]]\nbus = \"line\"\nname = \"d" + serial +
+            "\"\ntype = { vendor = 1, product = 9 }\nserial = " + serial + "\nnode_id = 5" + serial +
+            "\nresponse = \"300 ms\"\n" + (serial == "1" ? "heartbeat = \"500 ms\"\n" : "");
+  }
+  const std::string file = folder.write("slow.plant.toml", slow);
+  for (const bool all : {false, true}) {
+    Words words{"scan", "--machine", machine, "--sim", file, "--json"};
+    if (all) words.emplace_back("--all");
+    const Outcome outcome = berth(words);
+    ASSERT_EQ(outcome.status, 0) << outcome.out;
+    const Json nodes = Json::parse(outcome.out).at("nodes");
+    ASSERT_EQ(nodes.size(), 2U) << outcome.out;
+    for (const auto& node : nodes) EXPECT_TRUE(node.contains("address")) << outcome.out;
+  }
+}
+
 TEST_F(Command, ScanSeesBlankAndConfiguredDevices) {
   const Json blank = reply({"scan", "--all"}, 0);
   EXPECT_EQ(blank.at("configured"), 0);

@@ -413,20 +413,44 @@ TEST(Troubles, FixedNodeIdsAreTakenAsTheyAre) {
 // (sdo_timeout) is.
 TEST(Troubles, AFixedDeviceThatAnswersLateIsTaken) {
   for (const rt::Duration late : {150ms, 300ms, 450ms}) {
-    SCOPED_TRACE(late.count());
-    auto machine = slots_of({{5, type_b}});
-    machine.slots[0].spec.assign = places::Assign::fixed;
-    machine.buses[0].timing.sdo_timeout = 500ms;
-    auto plant = one_bus_plant(1);
-    auto& device = add_device(plant, "slow", type_b, 1);
-    device.source = plant::NodeIdSource::switches;
-    device.node_id = NodeId(5);
-    device.response = {.min = late, .max = late};
-    Rig rig(machine, plant);
-    rig.begin();
-    rig.run_for(30s);
-    EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
+    for (const bool comes : {false, true}) {
+      SCOPED_TRACE(testing::Message() << late.count() << (comes ? " comes later" : " is there"));
+      auto machine = slots_of({{5, type_b}});
+      machine.slots[0].spec.assign = places::Assign::fixed;
+      machine.buses[0].timing.sdo_timeout = 500ms;
+      auto plant = one_bus_plant(1);
+      auto& device = add_device(plant, "slow", type_b, 1);
+      device.source = plant::NodeIdSource::switches;
+      device.node_id = NodeId(5);
+      device.response = {.min = late, .max = late};
+      device.plugged = !comes;
+      Rig rig(machine, plant);
+      rig.begin();
+      rig.run_for(5s);
+      if (comes) rig.device("slow").plug();
+      rig.run_for(30s);
+      EXPECT_EQ(rig.state(5), SlotState::operational) << rig.log();
+    }
   }
+}
+
+// Nobody hears of it: it booted long ago, under a node-ID of no slot, and answers no identify. The
+// question to each node-ID has little patience; that an answer came late is remembered for the next one.
+TEST(Troubles, ASilentDeviceThatAnswersLateIsFound) {
+  auto machine = slots_of({{5, type_b}, {6, type_c}});
+  machine.buses[0].timing.sdo_timeout = 500ms;
+  auto plant = one_bus_plant(1);
+  auto& device = add_device(plant, "slow", type_b, 1);
+  device.source = plant::NodeIdSource::nonvolatile;
+  device.node_id = NodeId(60);
+  device.speaks = {plant::Speaks::lss, plant::Speaks::fastscan};
+  device.lss.habit = plant::Habit::canopennode;
+  device.response = {.min = 450ms, .max = 450ms};
+  add_device(plant, "other", type_c, 2);  // acknowledges its boot-up message
+  Rig rig(machine, plant);
+  rig.run_for(5s);
+  rig.begin();
+  EXPECT_TRUE(rig.run_until([&] { return rig.log().find("with node-ID 60") != std::string::npos; }, 600s)) << rig.log();
 }
 
 // The device left while no Berth was watching.
