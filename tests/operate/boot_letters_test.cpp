@@ -171,6 +171,21 @@ TEST(BootLetters, WhatALateAnswerTaughtIsWaitedFor) {
 
 // ---- K
 
+// It booted at the moment it was started, and its boot-up message was lost: 1017h is what it was, and keeps what is
+// written again. That is a boot-up, and no device that sends no heartbeat.
+TEST(BootLetters, KIsNotTheLetterOfOneThatBootedUnheard) {
+  Sieved s(one());
+  bool started = false;
+  s.goes_out = [&](const can::Frame& frame) { started = started || starts(frame); };
+  s.loses = [](const can::Frame& frame) { return frame.id == 0x700U + node.value() && frame.data[0] == 0; };
+  s.rig.begin();
+  ASSERT_TRUE(s.rig.run_until([&] { return started; }, 30s)) << s.rig.log();
+  s.rig.device("d").reset();
+  ASSERT_TRUE(s.rig.run_until([&] { return slot(s.rig).state == SlotState::operational; }, 60s)) << s.rig.log();
+  EXPECT_EQ(s.rig.device("d").truth().state, NmtState::operational) << s.rig.log();
+  EXPECT_EQ(s.rig.log().find("asked by SDO"), std::string::npos) << s.rig.log();
+}
+
 TEST(BootLetters, KAHeartbeatThatNeverStartsStaysFailedUntilOneComes) {
   Sieved s(one());
   unsigned starts_sent = 0;
