@@ -67,7 +67,9 @@ void Scan::tell_state(Seen& seen, ScanRange range) const {
 }
 
 rt::Task<void> Scan::ask_nodes(std::vector<Seen>& nodes, std::bitset<128> ids, ScanRange range) {
-  rt::Scope asked(p_.bus.executor, p_.asking.most_first_at_once());
+  // Of all node-IDs most are silent; those that were heard answer, beside the traffic of a plant.
+  const bool every = range == ScanRange::all;
+  rt::Scope asked(p_.bus.executor, every ? p_.asking.most_first_at_once() : p_.asking.most_at_once());
   for (std::uint8_t i = 1; i <= 127; ++i) {
     const NodeId id(i);
     if (ids.test(i) && id != p_.bus.bus.master) asked.spawn(ask(id, nodes[i - 1U], range));
