@@ -434,8 +434,8 @@ TEST(Troubles, AFixedDeviceThatAnswersLateIsTaken) {
   }
 }
 
-// Nobody hears of it: it booted long ago, under a node-ID of no slot, and answers no identify. The
-// question to each node-ID has little patience; that an answer came late is remembered for the next one.
+// Nobody hears of it: it booted long ago, under a node-ID of no slot, and answers no identify. The question to each
+// node-ID has less patience than it needs.
 TEST(Troubles, ASilentDeviceThatAnswersLateIsFound) {
   auto machine = slots_of({{5, type_b}, {6, type_c}});
   machine.buses[0].timing.sdo_timeout = 500ms;
