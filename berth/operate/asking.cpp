@@ -7,11 +7,9 @@
 
 namespace berth::operate {
 
-co::SdoOptions Asking::patience(NodeId id, unsigned retries) const {
+co::SdoOptions Asking::patience(unsigned retries) const {
   co::SdoOptions patience = s_.sdo.options();
-  const bool slow = s_.sdo.late(id) > 0;
-  patience.timeout =
-      slow ? std::max(s_.bus.timing.guard_timeout, s_.bus.timing.sdo_timeout) : s_.bus.timing.guard_timeout;
+  patience.timeout = s_.bus.timing.guard_timeout;
   patience.retries = retries;
   patience.abort_on_timeout = false;
   return patience;
@@ -48,7 +46,7 @@ lss::MasterOptions Asking::with_pauses() const {
 }
 
 rt::Task<bool> Asking::answers_at(NodeId id) {
-  const co::SdoOptions how = patience(id, s_.bus.timing.tries - 1);
+  const co::SdoOptions how = patience(s_.bus.timing.tries - 1);
   places::Inquiry inquiry(binder_services());
   co_return co_await inquiry.answers_at(id, how, s_.bus.timing.guard_timeout);
 }

@@ -25,8 +25,8 @@ class Asking {
       : s_(services), slots_(slots), found_(found) {}
 
   /// For asking whether a device is there. Silence is the expected answer, so the timeout is short and no abort is
-  /// sent. A node whose answers came later than that gets the usual SDO timeout.
-  [[nodiscard]] co::SdoOptions patience(NodeId id, unsigned retries) const;
+  /// sent. A node that was heard to answer later gets the time that it needed (`co::SdoPatience`).
+  [[nodiscard]] co::SdoOptions patience(unsigned retries) const;
   /// For the first question to a node-ID that should have a device and was not heard: the usual SDO timeout, so that a
   /// slow device is not missed. Silence is not aborted.
   [[nodiscard]] co::SdoOptions first_patience() const;

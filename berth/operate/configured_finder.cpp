@@ -208,7 +208,7 @@ rt::Task<void> ConfiguredFinder::ask_everywhere() {
 }
 
 rt::Task<void> ConfiguredFinder::knock(NodeId id) {
-  const co::SdoOptions patience = asking_.patience(id, 0);
+  const co::SdoOptions patience = asking_.patience(0);
   const auto type = co_await s_.sdo.read<std::uint32_t>(id, 0x1000, 0, patience);
   if (type || type.error().code == Errc::aborted) look_again_at_[id.value()] = true;
 }

@@ -37,13 +37,13 @@ void Search::begin() {
 rt::Task<void> Search::by_rand() {
   const bool plans = agenda_.method() == "auto";
   Result<discovery::Report> report = fail(Errc::invalid, "not asked");
-  stops_.allowed_since = s_.executor.now();
+  interruptible_since_ = s_.executor.now();
   if (plans) {
     report = co_await methods_.ask_rand_planner(this);
   } else {
     report = co_await methods_.ask_rand_as_published(this);
   }
-  stops_.allowed_since.reset();
+  interruptible_since_.reset();
   agenda_.search_open = rand_open_ = report && report->end == discovery::Report::End::more;
   agenda_.alone = !report && report.error().code == Errc::bus;
   if (!report) {
@@ -58,7 +58,7 @@ rt::Task<void> Search::by_rand() {
     const Identity known = d.possible_clone ? device : found_.one_for(device);
     found_.note({known, found_.active_of(known), d.possible_clone});
   }
-  if (!rand_open_) stops_.count = 0;
+  if (!rand_open_) interruptions_.search_ended();
   tell_end(*report);
 }
 
@@ -108,10 +108,10 @@ rt::Task<bool> Search::by(discovery::Discovery& way, unsigned slice) {
   how.slice = slice;
   if (how.assigner != nullptr) co_await lending_.prepare();
   lending_.forget_told();
-  stops_.now = false;
-  stops_.allowed_since = s_.executor.now();
+  interrupted_ = false;
+  interruptible_since_ = s_.executor.now();
   const auto report = co_await way.find(known, how);
-  stops_.allowed_since.reset();
+  interruptible_since_.reset();
   // A found device may still be in LSS configuration, where a planner leaves devices that must not answer again.
   const auto quiet = co_await s_.lss.switch_global(lss::State::waiting);
   if (!report || !quiet) {
@@ -136,15 +136,14 @@ void Search::take(const discovery::Report& report) {
   using End = discovery::Report::End;
   agenda_.search_open = report.end == End::more && (sliced_ || gets_on());
   if (agenda_.search_open && !sliced_) tell_progress();
-  if (!agenda_.search_open) stops_.count = 0;
-  if (!agenda_.search_open) stops_.broken_at = {};
+  if (!agenda_.search_open) interruptions_.search_ended();
   tell_end(report);
 }
 
 // A device that answers but cannot be selected would hold up a search forever.
 bool Search::gets_on() {
   constexpr unsigned most_idle = 2;
-  if (stops_.now) return true;
+  if (interrupted_) return true;
   const bool same = !news_ && now_.kind == before_.kind && now_.swept == before_.swept;
   idle_ = same ? idle_ + 1 : 0;
   before_ = now_;
@@ -155,30 +154,17 @@ bool Search::gets_on() {
   return false;
 }
 
-// A slot's device that sent something, or a user's command, does not wait for the end of a long search. An interrupted
-// search begins again with the way down to one device: interrupted too often, it would never get there.
 bool Search::goes_on() noexcept {
-  // Limit in a time with room for the way down to one device (133 questions) between any two interruptions.
-  constexpr unsigned most = 4;
+  // Room for the way down to one device (133 questions) between any two interruptions.
   const rt::Duration way_down = std::max<rt::Duration>(std::chrono::seconds(5), 133 * s_.bus.timing.lss_timeout);
-  const rt::Duration within = (most + 1) * way_down;
+  const rt::Duration within = (Interruptions::most + 1) * way_down;
+  if (!interruptible_since_) return true;
   const rt::Time now = s_.executor.now();
-  if (!stops_.allowed_since) return true;
   // A short search ends sooner than it would begin anew.
-  const bool takes_long = now >= *stops_.allowed_since + std::chrono::seconds(1);
+  const bool takes_long = now >= *interruptible_since_ + std::chrono::seconds(1);
   const bool called = agenda_.calls || (agenda_.comes.any() && takes_long) || s_.turn.waited_for();
-  if (!called) return true;
-  if (now >= stops_.counted_until) {
-    stops_.count = 0;
-    stops_.counted_until = now + within;
-  }
-  // A search that has progressed since then loses nothing: the swept part is kept. Going back also counts as progress.
-  const bool got_on = now_.kind != stops_.broken_at.kind || now_.swept > stops_.broken_at.swept;
-  if (got_on) stops_.count = 0;
-  if (got_on) stops_.broken_at = now_;
-  if (stops_.count == most) return true;
-  ++stops_.count;
-  stops_.now = true;
+  if (!called || !interruptions_.allow(now, now_, within)) return true;
+  interrupted_ = true;
   return false;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "berth/operate/interruptions.hpp"
 #include "berth/operate/search_methods.hpp"
 
 namespace berth::operate {
@@ -54,14 +55,6 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
     std::size_t found = 0;
     rt::Time tell_at{};  // next report
   };
-  // Interruptions by the bus or a user.
-  struct Interruptions {
-    unsigned count = 0;  // since the last search that finished or made progress
-    discovery::Progress broken_at{};
-    rt::Time counted_until{};                 // the count begins anew after this
-    std::optional<rt::Time> allowed_since{};  // empty: no search is under way that may be interrupted
-    bool now = false;
-  };
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
   rt::Task<bool> by(discovery::Discovery& way, unsigned slice = 0);
   void take(const discovery::Report& report);
@@ -90,7 +83,9 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   discovery::Progress before_{};
   Pace pace_;
   unsigned idle_ = 0;  // slices in a row that found nothing
-  Interruptions stops_;
+  Interruptions interruptions_;
+  std::optional<rt::Time> interruptible_since_;  // empty: no search is under way that may be interrupted
+  bool interrupted_ = false;
   bool rand_open_ = false;
   bool news_ = false;
   bool sliced_ = false;

@@ -29,6 +29,14 @@ bool odd(Rig& rig, const std::string& kind, const std::string& part) {
   });
 }
 
+// How often a device in LSS configuration is told its node-ID, or to have none (CiA 305, 11h).
+struct ToldNodeIds final : can::Tap {
+  int count = 0;
+  void frame(const can::Frame& f, rt::Time, int) noexcept override {
+    count += f.id == 0x7E5 && f.size == 8 && f.data[0] == 0x11 ? 1 : 0;
+  }
+};
+
 // One slot whose first device `a` left and whose second, `b`, runs there now.
 struct Given {
   explicit Given(const std::function<void(plant::PlantFile&)>& change = {}, TypeCode type = type_b)
@@ -99,6 +107,23 @@ TEST(Returning, AnLssDeviceWithoutRandIsFoundByItsHistory) {
   EXPECT_LT(g.doubled_for(10s), 2s) << g.rig.log();
   EXPECT_TRUE(g.rig.world().duplicates().empty());
   ASSERT_TRUE(g.rig.until_operational(20s)) << g.rig.log();
+}
+
+// A person must take it off the bus: LSS cannot change a node-ID that switches set.
+TEST(Returning, OneWithSwitchesIsNotToldAgainAndAgainToLeave) {
+  Given g([](plant::PlantFile& p) {
+    p.devices[0].source = plant::NodeIdSource::switches;
+    p.devices[0].node_id = NodeId(5);
+  });
+  ToldNodeIds told;
+  g.rig.world().bus("backbone")->add_tap(told);
+  g.rig.device("a").plug();
+  g.rig.run_for(120s);
+  EXPECT_TRUE(heard(g.rig, "returned", "take it off the bus")) << g.rig.log();
+  EXPECT_LE(told.count, 1) << "it refuses, and that is known then\n" << g.rig.log();
+  g.rig.device("a").unplug();
+  EXPECT_TRUE(g.rig.until_operational(30s)) << g.rig.log();
+  EXPECT_EQ(g.rig.seats(), (Seats{{5, 2}}));
 }
 
 // At any moment: while the new one boots, is bound, is started, runs.

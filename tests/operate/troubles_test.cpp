@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/harness/rig.hpp"
@@ -25,6 +26,19 @@ design::Machine slots_of(std::initializer_list<std::pair<unsigned, TypeCode>> sl
 bool heard(const Rig& rig, const std::string& kind) {
   return std::ranges::any_of(rig.events(), [&](const auto& e) { return name(e.kind) == kind; });
 }
+
+// Questions to the device with node-ID 60, and those sent again before the answer to the one before.
+struct Questions final : can::Tap {
+  bool answered = false;  // ever
+  bool open = false;
+  int again = 0;
+  void frame(const can::Frame& f, rt::Time, int) noexcept override {
+    if (f.id == 0x600 + 60) again += answered && std::exchange(open, true) ? 1 : 0;
+    if (f.id != 0x580 + 60) return;
+    answered = true;
+    open = false;
+  }
+};
 
 struct Frames final : can::Tap {
   std::vector<std::string> sent;
@@ -448,9 +462,12 @@ TEST(Troubles, ASilentDeviceThatAnswersLateIsFound) {
   device.response = {.min = 450ms, .max = 450ms};
   add_device(plant, "other", type_c, 2);  // acknowledges its boot-up message
   Rig rig(machine, plant);
+  Questions questions;
+  rig.world().bus("backbone")->add_tap(questions);
   rig.run_for(5s);
   rig.begin();
   EXPECT_TRUE(rig.run_until([&] { return rig.log().find("with node-ID 60") != std::string::npos; }, 600s)) << rig.log();
+  EXPECT_EQ(questions.again, 0) << "once it is known to be slow, it is given the time of `sdo_timeout`";
 }
 
 // The device left while no Berth was watching.
