@@ -169,6 +169,26 @@ TEST(BootLetters, WhatALateAnswerTaughtIsWaitedFor) {
   EXPECT_GE(rig.network(0).services().patience.times[node.value()], 900ms);
 }
 
+// It boots between the answer that says who it is and the end of the wait for a second one: what it was heard to be
+// before is no longer its state.
+TEST(BootLetters, LIsNotTheLetterOfOneThatBootedWhileItWasAskedWhoItIs) {
+  World w = one();
+  w.plant.devices[0].reset = 3ms;
+  Sieved s(w);
+  s.rig.begin();
+  ASSERT_TRUE(s.rig.until_operational(30s)) << s.rig.log();
+  s.rig.kill();
+  bool asked = false;
+  const can::Frame serial = can::Frame::base(0x600U + node.value(), {0x40, 0x18, 0x10, 4, 0, 0, 0, 0});
+  s.goes_out = [&](const can::Frame& frame) { asked = asked || frame == serial; };
+  s.rig.begin();
+  ASSERT_TRUE(s.rig.run_until([&] { return asked; }, 30s)) << s.rig.log();
+  s.rig.run_for(5ms);  // it has answered
+  s.rig.device("d").reset();
+  ASSERT_TRUE(s.rig.run_until([&] { return slot(s.rig).state == SlotState::operational; }, 60s)) << s.rig.log();
+  EXPECT_EQ(s.rig.device("d").truth().state, NmtState::operational) << s.rig.log();
+}
+
 // ---- K
 
 // It booted at the moment it was started, and its boot-up message was lost: 1017h is what it was, and keeps what is
