@@ -225,6 +225,23 @@ TEST(ProgramLoader, ADeviceThatRestartsInMidDownloadGetsItAgain) {
   }
 }
 
+// It has taken the whole image, and has none when it is back: its memory was not yet written to the end.
+TEST(ProgramLoader, ADeviceThatLosesItsPowerWhileItWritesGetsItAgain) {
+  ProgrammedSpec slow;
+  slow.times.sector = 300ms;
+  ProgramRig rig(1, slow);
+  rig.act_in = ProgramStage::flashing;
+  const auto image = program_image(6'000, 4);
+  const std::array wishes{ProgramWish{.number = 1, .image = image}};
+  const auto done = rig.download(1, wishes, 0, [&] {
+    rig.devices[1]->off();
+    rig.devices[1]->on();
+  });
+  ASSERT_TRUE(done) << said(done);
+  EXPECT_EQ(rig.report.tries, 2U);
+  EXPECT_EQ(rig.devices[1]->held(), program_content(6'000, 4));
+}
+
 TEST(ProgramLoader, ADeviceThatStaysSilentIsGivenUp) {
   ProgramRig rig;
   rig.given.restart_time = 500ms;

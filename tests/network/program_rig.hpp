@@ -118,7 +118,7 @@ struct ProgramRig {
     auto done = co_await loader.run(report);
     into = done;
   }
-  // Into device `id`; `while_running` once, when so many bytes are down.
+  // Into device `id`; `while_running` once, in stage `act_in`, when so many bytes are down.
   Result<void> download(std::uint8_t id, std::span<const ProgramWish> wishes, std::size_t at = ~std::size_t{0},
                         const std::function<void()>& while_running = {}) {
     ProgramOptions options = given;
@@ -126,7 +126,7 @@ struct ProgramRig {
     bool acted = false;
     options.progress = [&](const ProgramProgress& p) {
       progress.push_back(p);
-      if (p.done >= at && p.stage == ProgramStage::downloading && !acted) act = acted = true;
+      if (p.done >= at && p.stage == act_in && !acted) act = acted = true;
     };
     co::SdoOptions patience;
     patience.timeout = 200ms;
@@ -200,6 +200,7 @@ struct ProgramRig {
   ProgramOptions given;
   ProgramReport report;
   std::vector<ProgramProgress> progress;
+  ProgramStage act_in = ProgramStage::downloading;
   bool act = false;
 };
 
