@@ -121,6 +121,18 @@ struct MasterRig : can::Tap {
   std::vector<NetworkEvent> events;
 };
 
+// Finds out what a test says.
+struct ScriptedSource final : manager::NodeIdSource {
+  ~ScriptedSource() { gone(); }
+  void begin(NodeId) noexcept override {}
+  rt::Task<Result<void>> run(std::bitset<128>) override { co_return Result<void>{}; }
+  [[nodiscard]] std::bitset<128> answered() const noexcept override { return who_answers; }
+  [[nodiscard]] std::bitset<128> silent() const noexcept override { return who_is_silent; }
+  [[nodiscard]] rt::Duration pause() const noexcept override { return 100ms; }
+  std::bitset<128> who_answers;
+  std::bitset<128> who_is_silent;
+};
+
 std::vector<std::uint8_t> concise(std::uint32_t limit) {
   std::vector<std::uint8_t> value(4);
   store_le(value.data(), limit);
@@ -261,6 +273,32 @@ TEST(DictionaryManager, RequestNmtForOneSlave) {
   }
   EXPECT_EQ(rig.master->state(), NmtState::operational);
   EXPECT_EQ(rig.read<std::uint8_t>(0x1F82, master_id), od::refuse(AbortCode::no_sub_index)) << "has 1 to 8";
+}
+
+// A slave that failed to boot has no error control: that it left, and that it is there again, is known only to the part
+// that assigns node-IDs. It is then reset, so that it is booted.
+TEST(DictionaryManager, ASlaveThatFailedAndLeftHasNoState) {
+  ScriptedSource source;
+  MasterRig rig(1, 3, {{{0x1F85, 2}, std::uint32_t{0xBAD}}});
+  rig.manager->assign_by(&source);
+  rig.master->on();
+  rig.world.run_for(3s);
+  ASSERT_EQ(rig.manager->network().find(NodeId(2))->result.status, BootStatus::d);
+  ASSERT_TRUE(rig.get(rig.tool.write(NodeId(2), 0x1017, 0, std::uint16_t{0}))) << "it sends nothing of itself";
+  ASSERT_EQ(rig.read<std::uint8_t>(0x1F82, 2), 0x7F);
+  source.who_answers.set(2);
+  rig.frames.clear();
+  rig.world.run_for(1s);
+  EXPECT_EQ(rig.count("000#8102"), 0U) << "its state is known: it waits for a person";
+  source.who_answers.reset();
+  source.who_is_silent.set(2);
+  rig.world.run_for(200ms);
+  EXPECT_EQ(rig.read<std::uint8_t>(0x1F82, 2), 0) << "unknown";
+  source.who_is_silent.reset();
+  source.who_answers.set(2);
+  rig.world.run_for(1s);
+  EXPECT_EQ(rig.count("000#8102"), 1U);
+  EXPECT_EQ(rig.read<std::uint8_t>(0x1F82, 2), 0x7F) << "it has told its boot-up";
 }
 
 // Bits 2 and 3 of 1F81h count from the slave's next boot-up on, without one of the master's.
