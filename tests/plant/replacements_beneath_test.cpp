@@ -266,7 +266,12 @@ TEST_F(Replacements, ADeviceComesBackUnderWhatWasGivenAway) {
     run(3s);
     watches = false;  // that it boots under its node-ID no master can prevent
     world->find("valve")->plug();
-    run(5s);
+    EXPECT_TRUE(run_until([&] { return truth("valve").active == NodeId(5); }, 2s));
+    EXPECT_TRUE(run_until([&] { return truth("valve").active != NodeId(5); }, 5s));
+    for (int i = 0; i < 20; ++i) {
+      EXPECT_NE(told(5) & 0xFFU, static_cast<unsigned>(manager::NodeIdTrouble::doubled)) << "one of the two has left";
+      run(200ms);
+    }
     EXPECT_FALSE(truth("valve").persistent.configured());
     EXPECT_TRUE(run_until([&] { return runs("spare", 5); }, 20s));
     EXPECT_TRUE(world->duplicates().empty());
@@ -296,6 +301,33 @@ TEST_F(Replacements, WhatADeviceWasToldIsKeptForIt) {
     EXPECT_FALSE(has(truth("spare"), NodeId(5)));
     world->find("valve")->plug();
     EXPECT_TRUE(run_until([&] { return runs("valve", 5); }, 20s));
+    EXPECT_EQ(failure, "");
+  }
+}
+
+// It leaves when it is selected, before it is told anything: nothing in it can have changed, and the next one of its
+// type gets the node-ID.
+TEST_F(Replacements, WhoWasToldNothingKeepsNothing) {
+  struct Selecting final : can::Tap {
+    void frame(const can::Frame& f, rt::Time, int) noexcept override {
+      constexpr std::uint8_t select_serial = 0x43;
+      seen = seen || (f.id == 0x7E5 && f.size == 8 && f.data[0] == select_serial);
+    }
+    bool seen = false;
+  };
+  for (const char* const speaks : {languages[0], languages[1]}) {  // Fastscan selects in another way
+    SCOPED_TRACE(speaks);
+    build_with({{"valve", 11, 0, true, speaks}, {"spare", 12, 0, false, speaks}});
+    Selecting selecting;
+    world->bus("boom")->add_tap(selecting);
+    commission_for({5});
+    ASSERT_TRUE(run_until([&] { return selecting.seen; }, 20s));
+    world->find("valve")->unplug();
+    world->bus("boom")->remove_tap(selecting);
+    run(5s);
+    EXPECT_FALSE(has(truth("valve"), NodeId(5)));
+    world->find("spare")->plug();
+    EXPECT_TRUE(run_until([&] { return runs("spare", 5); }, 20s)) << std::hex << told(5);
     EXPECT_EQ(failure, "");
   }
 }
