@@ -89,7 +89,7 @@ ListBus::Planned ListBus::plan() {
   std::vector<places::Found> known;
   std::ranges::copy_if(found, std::back_inserter(known),
                        [&](const places::Found& f) { return knows_type(f.device) || of(f.device) != nullptr; });
-  for (auto& f : known) f.keeps = found.keeps_its_node_id(f);
+  for (auto& f : known) f.keeps = found.keeps_its_node_id(f) || refuses(f.device);
   std::vector<places::Slot> plain;
   for (std::size_t i = 0; i < slots.size(); ++i) {
     const ListSlot& slot = slots[i];
@@ -105,7 +105,7 @@ ListBus::Planned ListBus::plan() {
   }
   made.plan = places::plan(plain, known, blanks, own_);
   std::erase_if(made.plan.actions, [&](const places::Action& action) {
-    if (std::ranges::find(refusing, action.device) != refusing.end()) return true;
+    if (refuses(action.device)) return true;
     const auto* const f = found.one_for(action.device);
     const bool stays = f != nullptr && found.keeps_its_node_id(*f);
     const bool home =
@@ -113,6 +113,10 @@ ListBus::Planned ListBus::plan() {
     return stays && !home;
   });
   return made;
+}
+
+bool ListBus::refuses(const Identity& device) const noexcept {
+  return std::ranges::find(refusing, device) != refusing.end();
 }
 
 bool ListBus::vacant(NodeId id) const noexcept {

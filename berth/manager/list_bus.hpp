@@ -47,7 +47,7 @@ class ListBus {
   bool nobody_listens = false;
   rt::Time stores_end{};      ///< as in `places::Binder::Options`
   std::bitset<128> given_up;  ///< a device left this node-ID; what answers under it since is unknown
-  /// LSS cannot give them node-IDs: they refused.
+  /// They refused a node-ID.
   std::vector<Identity> refusing;
 
   /// Null: there is none.
@@ -66,6 +66,8 @@ class ListBus {
   /// A device of a type that is not in the list is left alone, together with its node-ID.
   [[nodiscard]] Planned plan();
 
+  /// LSS cannot give it a node-ID (`refusing`).
+  [[nodiscard]] bool refuses(const Identity& device) const noexcept;
   /// Asked in this run, and silent since.
   [[nodiscard]] bool vacant(NodeId id) const noexcept;
   /// For asking whether a device is there: silence is the expected answer.

@@ -21,6 +21,7 @@ struct Spare {
   std::string speaks = R"(["lss", "rand"])";
   std::string response = R"("500 us")";
   std::string habits = {};
+  bool switches = false;  // set `node`
 };
 
 std::string text_of(const Spare& s) {
@@ -28,6 +29,7 @@ std::string text_of(const Spare& s) {
   text += "serial = " + std::to_string(s.serial) + "\nheartbeat = \"100 ms\"\nspeaks = " + s.speaks + "\n";
   text += "response = " + s.response + "\n";
   if (!s.habits.empty()) text += "habits = [\"" + s.habits + "\"]\n";
+  if (s.switches) text += "source = \"switches\"\n";
   if (s.node != 0) text += "node_id = " + std::to_string(s.node) + "\n";
   if (!s.plugged) text += "plugged = false\n";
   return text;
@@ -117,6 +119,10 @@ struct Replacements : Boom {
 
 // Blank and used spares whose LSS is that of known stacks.
 constexpr std::array<const char*, 2> stacks{"canopennode", "lely"};
+
+// What 5F0Bh says of a node-ID (its lowest byte).
+constexpr auto doubled = static_cast<unsigned>(manager::NodeIdTrouble::doubled);
+constexpr auto refuses = static_cast<unsigned>(manager::NodeIdTrouble::refuses);
 
 constexpr std::array<const char*, 4> languages{R"(["lss", "rand"])", R"(["lss"])", R"(["lss", "fastscan"])",
                                                R"(["lss", "fastscan", "feedback-29"])"};
@@ -269,7 +275,7 @@ TEST_F(Replacements, ADeviceComesBackUnderWhatWasGivenAway) {
     EXPECT_TRUE(run_until([&] { return truth("valve").active == NodeId(5); }, 2s));
     EXPECT_TRUE(run_until([&] { return truth("valve").active != NodeId(5); }, 5s));
     for (int i = 0; i < 20; ++i) {
-      EXPECT_NE(told(5) & 0xFFU, static_cast<unsigned>(manager::NodeIdTrouble::doubled)) << "one of the two has left";
+      EXPECT_NE(told(5) & 0xFFU, doubled) << "one of the two has left";
       run(200ms);
     }
     EXPECT_FALSE(truth("valve").persistent.configured());
@@ -305,30 +311,72 @@ TEST_F(Replacements, WhatADeviceWasToldIsKeptForIt) {
   }
 }
 
-// It leaves when it is selected, before it is told anything: nothing in it can have changed, and the next one of its
-// type gets the node-ID.
-TEST_F(Replacements, WhoWasToldNothingKeepsNothing) {
-  struct Selecting final : can::Tap {
-    void frame(const can::Frame& f, rt::Time, int) noexcept override {
-      constexpr std::uint8_t select_serial = 0x43;
-      seen = seen || (f.id == 0x7E5 && f.size == 8 && f.data[0] == select_serial);
-    }
-    bool seen = false;
-  };
-  for (const char* const speaks : {languages[0], languages[1]}) {  // Fastscan selects in another way
+// It refuses the node-ID: nothing in it has changed, and the next one of its type gets that.
+TEST_F(Replacements, WhoRefusesANodeIdKeepsItNot) {
+  for (const char* const speaks : languages) {
     SCOPED_TRACE(speaks);
-    build_with({{"valve", 11, 0, true, speaks}, {"spare", 12, 0, false, speaks}});
-    Selecting selecting;
-    world->bus("boom")->add_tap(selecting);
+    build_with({{"valve", 11, 9, true, speaks, R"("500 us")", {}, true}, {"spare", 12, 0, false, speaks}});
     commission_for({5});
-    ASSERT_TRUE(run_until([&] { return selecting.seen; }, 20s));
-    world->find("valve")->unplug();
-    world->bus("boom")->remove_tap(selecting);
-    run(5s);
-    EXPECT_FALSE(has(truth("valve"), NodeId(5)));
+    EXPECT_TRUE(run_until([&] { return (told(5) & 0xFFU) == refuses; }, 20s)) << std::hex << told(5);
     world->find("spare")->plug();
     EXPECT_TRUE(run_until([&] { return runs("spare", 5); }, 20s)) << std::hex << told(5);
     EXPECT_EQ(failure, "");
+  }
+}
+
+// It leaves when it has stored its node-ID, and another comes that has the same one stored: that one answers for it. Of
+// these two one is there.
+TEST_F(Replacements, TheOneThatAnswersForAnotherIsNotTwo) {
+  struct Stored final : can::Tap {
+    void frame(const can::Frame& f, rt::Time, int) noexcept override {
+      seen = seen || (f.id == 0x7E4 && f.size == 8 && f.data[0] == 0x17 && f.data[1] == 0);
+    }
+    bool seen = false;
+  };
+  for (const char* const speaks : languages) {
+    SCOPED_TRACE(speaks);
+    watches = false;
+    build_with({{"valve", 11, 0, true, speaks}, {"other", 12, 5, false, speaks}});
+    Stored stored;
+    world->bus("boom")->add_tap(stored);
+    commission_for({5});
+    ASSERT_TRUE(run_until([&] { return stored.seen; }, 20s));
+    world->bus("boom")->remove_tap(stored);
+    world->find("valve")->unplug();
+    world->find("other")->plug();
+    for (int i = 0; i < 100; ++i) {
+      EXPECT_NE(told(5) & 0xFFU, doubled) << i;
+      run(100ms);
+    }
+    EXPECT_TRUE(run_until([&] { return runs("other", 5); }, 40s)) << std::hex << told(5);
+  }
+}
+
+// It was told its node-ID and heard nothing after that: it is in LSS configuration still, and the next `04 00` would
+// bring that node-ID into use, whoever has it by then. It is told to have none first.
+TEST_F(Replacements, WhoMayStillListenIsToldToHaveNoneBeforeItIsReleased) {
+  struct First final : can::Tap {
+    void frame(const can::Frame& f, rt::Time, int) noexcept override {
+      const bool lss = f.id == 0x7E5 && f.size == 8 && (f.data[0] == 0x04 || f.data[0] == 0x11);
+      if (lss && said.empty()) said = can::to_string(f).substr(0, 8);
+    }
+    std::string said;
+  };
+  for (const char* const speaks : languages) {
+    SCOPED_TRACE(speaks);
+    watches = false;
+    build_with({{"valve", 11, 0, true, speaks}});
+    commission_for({5});
+    ASSERT_TRUE(run_until([&] { return truth("valve").pending == NodeId(5); }, 20s));
+    world->find("valve")->deaf(0s);
+    ASSERT_TRUE(run_until([&] { return told(5) != 0; }, 20s));
+    EXPECT_EQ(truth("valve").pending, NodeId(5));
+    First first;
+    world->bus("boom")->add_tap(first);
+    recover(*world->find("valve"));
+    EXPECT_TRUE(run_until([&] { return runs("valve", 5); }, 40s)) << std::hex << told(5);
+    EXPECT_EQ(first.said, "7E5#11FF");
+    world->bus("boom")->remove_tap(first);
   }
 }
 
