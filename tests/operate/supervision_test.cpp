@@ -102,6 +102,12 @@ struct Searched {
     scope.spawn(turn_of(rig.network(), had));
     ASSERT_TRUE(rig.run_until([&] { return had; }, 4s)) << "it waited for the search\n" << rig.log();
     EXPECT_LT(found(), devices + 1) << "the search was over before\n" << rig.log();
+    bool rested = false;
+    for (rt::Duration time{0}; time < 600s && !rested && found() < devices + 1; time += 100ms) {
+      rig.run_for(100ms);
+      rested = rig.idle();
+    }
+    EXPECT_FALSE(rested && found() < devices + 1) << "the others waited for the next look\n" << rig.log();
     ASSERT_TRUE(rig.until_operational(600s)) << rig.log();
     EXPECT_EQ(found(), devices + 1) << "each once\n" << rig.log();
   }
