@@ -177,6 +177,7 @@ std::vector<Identify::Cursor> Identify::begin(const Known& known) {
   }
   // The rest of a search that was broken off is used as long as the wanted kinds are the same.
   const bool same = std::ranges::equal(cursors, cursors_, {}, &Cursor::kind, &Cursor::kind);
+  slowly_ = same && slowly_;
   if (!same) {
     latency_.forget();  // measured on other devices: those that come now may be slower
     patience_ = {};
@@ -245,6 +246,7 @@ rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, 
   if (!left) co_return fail(left.error());
   if (!*left) co_return true;
   pace.slow_down();
+  slowly_ = true;
   for (Cursor& cursor : cursors) {
     cursor.closed = false;
     cursor.quiet.clear();
@@ -267,9 +269,10 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   if (!waiting) co_return fail(waiting.error());
   std::vector<Cursor> cursors = begin(known);
   run.kinds = cursors.size();
+  if (slowly_) pace.slow_down();
   auto quiet = co_await all_kinds(run, cursors, pace);
   if (!quiet) co_return fail(quiet.error());
-  const bool unheard = *quiet && !run.over();
+  const bool unheard = *quiet && !run.over() && !slowly_;
   if (unheard) {
     quiet = co_await slowly(run, cursors, pace);
     if (!quiet) co_return fail(quiet.error());
@@ -278,6 +281,7 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   using End = Report::End;
   run.report.end = run.stopped ? End::more : gave_up ? End::gave_up : run.full() ? End::limit : End::complete;
   if (run.stopped) cursors_ = std::move(cursors);
+  slowly_ = run.stopped && slowly_;
   run.report.ended = services_.dispatcher.executor().now();
   co_return run.report;
 }

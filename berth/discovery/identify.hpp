@@ -123,6 +123,7 @@ class Identify final : public Discovery {
   Latency latency_;
   Patience patience_;
   std::vector<Cursor> cursors_;  // of a search that ended with `more`
+  bool slowly_ = false;          // and asks all gaps again, with pauses
   bool busy_ = false;
 };
 

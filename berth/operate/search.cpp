@@ -254,9 +254,7 @@ rt::Task<Result<NewDevices>> Search::find_new() {
 rt::Task<Result<void>> Search::find_the_rest(discovery::Discovery& way, NewDevices& all) {
   discovery::Known known = methods_.known_devices();
   for (const auto& found : all.found) known.registered.push_back(found.address);
-  // Nobody is seated meanwhile: what ends for a time would begin with the same questions.
-  discovery::Options how = methods_.options(this);
-  how.most_time = discovery::Options{}.most_time;
+  const discovery::Options how = methods_.options(this);
   co_await lending_.prepare();
   auto end = discovery::Report::End::more;
   while (end == discovery::Report::End::more) {

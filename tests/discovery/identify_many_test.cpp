@@ -141,6 +141,34 @@ TEST(IdentifyMany, GoesOnInSlices) {
   }
 }
 
+// Nobody is seated: all go on answering identify non-configured, so that the gaps between them are asked a second time,
+// with pauses. That takes longer than a slice, and goes on in the next one.
+TEST(IdentifyMany, GoesOnInSlicesWhereAllStayBlank) {
+  for (const unsigned devices : {30U, 120U}) {
+    SCOPED_TRACE(devices);
+    World w(5);
+    add_devices(w, devices, Serials::random, usual_latency);
+    w.known.kinds = {{type, revision}};
+    w.options.most_time = 2s;
+    const auto search = make(Method::identify, w.services());
+    auto end = Report::End::more;
+    unsigned slices = 0;
+    for (; end == Report::End::more && slices < 500; ++slices) {
+      const auto report = w.run(search->find(w.known, w.options));
+      ASSERT_TRUE(report);
+      for (const auto& d : report->found) w.known.registered.push_back(d.address);
+      end = report->end;
+    }
+    EXPECT_EQ(end, Report::End::complete);
+    EXPECT_EQ(w.known.registered.size(), devices);
+    EXPECT_GT(slices, 5U);
+    EXPECT_LT(slices, 100U);
+    const auto again = w.run(search->find(w.known, w.options));
+    ASSERT_TRUE(again);
+    EXPECT_TRUE(again->found.empty());
+  }
+}
+
 // Numbers in a row are asked for by name: the questions are those to the first one and at the end.
 TEST(IdentifyMany, ARowCostsNoQuestions) {
   World w;
