@@ -96,7 +96,7 @@ class ServiceManager {
 std::string example(const char* name) { return std::string(BERTH_SOURCE_DIR "/examples/") + name; }
 
 std::unique_ptr<bench::Child> started(std::vector<std::string> words) {
-  words.insert(words.begin(), BERTH_PROGRAM);
+  words.insert(words.begin(), BERTH_BINARY);
   return std::make_unique<bench::Child>(words, true);
 }
 

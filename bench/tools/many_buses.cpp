@@ -55,7 +55,7 @@ std::string plant_text(const plant::PlantFile& one, unsigned buses) {
 }
 
 std::vector<std::string> up(const std::string& folder) {
-  return {BERTH_PROGRAM, "up",    folder + "/machine.toml", "--sim", folder + "/plant.toml", "--fast", "--until",
+  return {BERTH_BINARY, "up",    folder + "/machine.toml", "--sim", folder + "/plant.toml", "--fast", "--until",
           "operational", "--json"};
 }
 

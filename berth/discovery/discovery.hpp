@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "berth/base/ids.hpp"
@@ -75,10 +76,17 @@ struct Found {
 
 /// Progress of a search by identify ranges.
 struct Progress {
-  std::size_t kind = 0;   ///< of `kinds`, the current one
-  std::size_t kinds = 0;  ///< `Known::kinds` and those of `Known::expected`
-  double swept = 0;       ///< fraction of this kind's serial numbers, 0 to 1
-  std::size_t found = 0;  ///< by this call
+  bool again = false;      ///< everything is asked a second time, with pauses between the frames
+  std::size_t kind = 0;    ///< of `kinds`, the current one
+  std::size_t kinds = 0;   ///< `Known::kinds` and those of `Known::expected`
+  double swept = 0;        ///< fraction of this kind's serial numbers, 0 to 1
+  std::size_t silent = 0;  ///< gaps between this kind's devices that stayed silent: each is asked at the end
+  std::size_t found = 0;   ///< by this call
+
+  /// The search has come further than at `before`.
+  [[nodiscard]] bool is_beyond(const Progress& before) const noexcept {
+    return std::tie(again, kind, swept, silent) > std::tie(before.again, before.kind, before.swept, before.silent);
+  }
 };
 
 /// Observes a discovery. Must not destroy it.

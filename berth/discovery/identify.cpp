@@ -198,7 +198,7 @@ rt::Task<Result<bool>> Identify::one_kind(Run& run, Cursor& cursor, Pauses& pace
   }
   const auto swept = co_await sweep(run, cursor, all_serials);
   if (!swept) co_return fail(swept.error());
-  run.tell(cursor.next);
+  run.tell(cursor.next, cursor.quiet.size());
   const bool quick = !run.options.configured && !run.over() && !cursor.closed;
   if (quick) {
     const auto left = co_await blank_left(run);
@@ -246,7 +246,7 @@ rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, 
   if (!left) co_return fail(left.error());
   if (!*left) co_return true;
   pace.slow_down();
-  slowly_ = true;
+  run.again = slowly_ = true;
   for (Cursor& cursor : cursors) {
     cursor.closed = false;
     cursor.quiet.clear();
@@ -269,6 +269,7 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   if (!waiting) co_return fail(waiting.error());
   std::vector<Cursor> cursors = begin(known);
   run.kinds = cursors.size();
+  run.again = slowly_;
   if (slowly_) pace.slow_down();
   auto quiet = co_await all_kinds(run, cursors, pace);
   if (!quiet) co_return fail(quiet.error());

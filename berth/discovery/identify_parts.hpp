@@ -73,6 +73,7 @@ struct Identify::Run {
   const Options& options;
   rt::Duration frame{0};
   Report report{};
+  bool again = false;  // the slow pass
   std::size_t kind = 0;
   std::size_t kinds = 0;
   unsigned unproven = 0;  // in a row
@@ -113,11 +114,13 @@ struct Identify::Run {
   }
   [[nodiscard]] bool full() const noexcept { return report.found.size() >= options.most_devices; }
   [[nodiscard]] bool over() const noexcept { return stopped || no_blank || untrusted || full(); }
-  void tell(std::uint64_t swept) const {
+  void tell(std::uint64_t swept, std::size_t silent) const {
     if (options.observer == nullptr) return;
-    options.observer->progress({.kind = kind,
+    options.observer->progress({.again = again,
+                                .kind = kind,
                                 .kinds = kinds,
                                 .swept = static_cast<double>(swept) / static_cast<double>(all_serials),
+                                .silent = silent,
                                 .found = report.found.size()});
   }
   // Between two requests, with no device in configuration.

@@ -146,7 +146,7 @@ rt::Task<Result<bool>> Identify::guess(Run& run, Cursor& cursor) {
 
 rt::Task<Result<void>> Identify::sweep(Run& run, Cursor& cursor, std::uint64_t end) {
   while (cursor.next < end && !run.over()) {
-    run.tell(cursor.next);
+    run.tell(cursor.next, cursor.quiet.size());
     if (cursor.open) {
       const Box box = *std::exchange(cursor.open, std::nullopt);
       const auto done = co_await lowest_in(run, cursor, box);
@@ -194,6 +194,7 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
     const auto heard = co_await ask(run, cursor, box, Window::bound);
     if (!heard) co_return fail(heard.error());
     if (!*heard) cursor.quiet.push_back(box);
+    if (!*heard) run.tell(cursor.next, cursor.quiet.size());
     if (run.stopped) break;
     if (!*heard) continue;
     quiet = false;

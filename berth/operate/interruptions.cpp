@@ -3,7 +3,7 @@
 namespace berth::operate {
 
 bool Interruptions::allow(rt::Time now, const discovery::Progress& here, rt::Duration within) noexcept {
-  const bool got_on = !last_ || here.kind != last_->kind || here.swept > last_->swept;
+  const bool got_on = !last_ || here.kind != last_->kind || here.is_beyond(*last_);
   if (got_on) last_ = here;
   if (got_on || now >= counted_until_) {
     count_ = 0;

@@ -27,7 +27,7 @@ Search::Search(BusServices& services, SlotTable& slots, Agenda& agenda, FoundDev
       methods_(services, slots, agenda, found, lending) {}
 
 void Search::begin() {
-  known_before_ = std::exchange(heard_of_, {});
+  if (!unfinished_) known_before_ = std::exchange(heard_of_, {});
   news_ = false;
   pace_ = {.began = s_.executor.now(), .tell_at = pace_.tell_at};
 }
@@ -58,6 +58,7 @@ rt::Task<void> Search::by_rand() {
     const Identity known = d.possible_clone ? device : found_.one_for(device);
     found_.note({known, found_.active_of(known), d.possible_clone});
   }
+  unfinished_ = rand_open_;
   if (!rand_open_) interruptions_.search_ended();
   tell_end(*report);
 }
@@ -135,8 +136,10 @@ void Search::take(const discovery::Report& report) {
   pace_.found += report.found.size();
   using End = discovery::Report::End;
   agenda_.search_open = report.end == End::more && (sliced_ || gets_on());
+  unfinished_ = agenda_.search_open;
   if (agenda_.search_open && !sliced_) tell_progress();
   if (!agenda_.search_open) interruptions_.search_ended();
+  if (!agenda_.search_open) furthest_ = {};
   tell_end(report);
 }
 
@@ -144,9 +147,9 @@ void Search::take(const discovery::Report& report) {
 bool Search::gets_on() {
   constexpr unsigned most_idle = 2;
   if (interrupted_) return true;
-  const bool same = !news_ && now_.kind == before_.kind && now_.swept == before_.swept;
-  idle_ = same ? idle_ + 1 : 0;
-  before_ = now_;
+  const bool got_on = now_.is_beyond(furthest_);
+  if (got_on) furthest_ = now_;
+  idle_ = got_on || news_ ? 0 : idle_ + 1;
   if (idle_ < most_idle) return true;
   idle_ = 0;
   slots_.events().tell_once(EventKind::error,

@@ -80,13 +80,14 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   std::vector<Identity> heard_of_;      // found by this search
   std::vector<Identity> known_before_;  // by the one before
   discovery::Progress now_{};
-  discovery::Progress before_{};
+  discovery::Progress furthest_{};  // of the search under way
   Pace pace_;
   unsigned idle_ = 0;  // slices in a row that found nothing
   Interruptions interruptions_;
   std::optional<rt::Time> interruptible_since_;  // empty: no search is under way that may be interrupted
   bool interrupted_ = false;
   bool rand_open_ = false;
+  bool unfinished_ = false;  // the next search is the rest of the last one
   bool news_ = false;
   bool sliced_ = false;
   bool slices_left_ = false;

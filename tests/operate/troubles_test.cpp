@@ -470,6 +470,31 @@ TEST(Troubles, ASilentDeviceThatAnswersLateIsFound) {
   EXPECT_EQ(questions.again, 0) << "once it is known to be slow, it is given the time of `sdo_timeout`";
 }
 
+// More than there are slots, by plain LSS alone: a search takes several of its slices, the last ones for the gaps
+// between their serial numbers. Each is told once, and none is called one that cannot be identified.
+TEST(Troubles, ManyWithoutASlotAreToldOnce) {
+  for (const unsigned devices : {60U, 120U}) {
+    SCOPED_TRACE(devices);
+    auto machine = slots_of({{5, type_b}, {6, type_c}});
+    auto plant = one_bus_plant(1);
+    for (unsigned i = 0; i < devices; ++i) {
+      add_device(plant, "d" + std::to_string(i), type_b, 0x10005 + 777 * i).speaks = {plant::Speaks::lss};
+    }
+    auto& late = add_device(plant, "late", type_c, 1);
+    late.speaks = {plant::Speaks::lss};
+    late.plugged = false;
+    Rig rig(machine, plant);
+    rig.begin();
+    rig.run_for(150s);
+    unsigned told = 0;
+    for (const auto& event : rig.events()) told += event.kind == operate::EventKind::found ? 1U : 0U;
+    EXPECT_EQ(told, devices) << rig.log();
+    EXPECT_EQ(rig.log().find("cannot be identified"), std::string::npos) << rig.log();
+    rig.device("late").plug();
+    EXPECT_TRUE(rig.run_until([&] { return rig.state(6) == SlotState::operational; }, 120s)) << rig.log();
+  }
+}
+
 // The device left while no Berth was watching.
 TEST(Troubles, ReplacementAutomaticAfterARestart) {
   auto machine = slots_of({{5, type_b}});
