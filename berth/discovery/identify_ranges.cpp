@@ -194,7 +194,6 @@ rt::Task<Result<bool>> Identify::close(Run& run, Cursor& cursor) {
     const auto heard = co_await ask(run, cursor, box, Window::bound);
     if (!heard) co_return fail(heard.error());
     if (!*heard) cursor.quiet.push_back(box);
-    if (!*heard) run.tell(cursor.next, cursor.quiet.size());
     if (run.stopped) break;
     if (!*heard) continue;
     quiet = false;
