@@ -49,9 +49,14 @@ rt::Task<void> Scan::ask(NodeId id, Seen& seen, ScanRange range) {
     const auto answer = co_await places::identify(p_.bus.sdo, id);
     if (answer.who) seen.device = *answer.who;
     seen.duplicate = answer.by_two;
-  } else if (range == ScanRange::all) {
+  }
+  // A stopped device has no SDO (CiA 301 §7.3.2.2): one that answers has left that state since it was heard.
+  const bool was_stopped = answered && p_.bus.boots.heard(id) && p_.bus.boots.state(id) == NmtState::stopped;
+  const bool guards = was_stopped || (!answered && range == ScanRange::all);
+  if (guards) {
     const auto guarded = co_await co::guard_once(p_.bus.dispatcher, id, p_.bus.bus.timing.guard_timeout, 1);
     if (guarded) seen.state = guarded->state;
+    if (guarded || was_stopped) co_return;
   }
   tell_state(seen, range);
 }

@@ -227,7 +227,8 @@ TEST_F(BitRate, AStoppedDeviceIsToldApartFromOneWithoutIdentity) {
   }
   port_->send(can::Frame::base(0x000, {0x80, 0x00}), 0);
   world_->sim().run_for(300ms);
-  EXPECT_EQ(move(250'000).end, End::moved);
+  const auto moved = move(250'000);
+  EXPECT_EQ(moved.end, End::moved) << words(moved);
 }
 
 // Without heartbeat the state comes by guarding.
