@@ -139,7 +139,7 @@ void Search::take(const discovery::Report& report) {
   unfinished_ = agenda_.search_open;
   if (agenda_.search_open && !sliced_) tell_progress();
   if (!agenda_.search_open) interruptions_.search_ended();
-  if (!agenda_.search_open) furthest_ = {};
+  if (!agenda_.search_open) advance_ = {};
   tell_end(report);
 }
 
@@ -147,11 +147,10 @@ void Search::take(const discovery::Report& report) {
 bool Search::gets_on() {
   constexpr unsigned most_idle = 2;
   if (interrupted_) return true;
-  const bool got_on = now_.is_beyond(furthest_);
-  if (got_on) furthest_ = now_;
-  idle_ = got_on || news_ ? 0 : idle_ + 1;
-  if (idle_ < most_idle) return true;
-  idle_ = 0;
+  const bool got_on = now_.is_beyond(advance_.furthest);
+  if (got_on) advance_.furthest = now_;
+  advance_.idle = got_on || news_ ? 0 : advance_.idle + 1;
+  if (advance_.idle < most_idle) return true;
   slots_.events().tell_once(EventKind::error,
                             "discovery ended early: a device that cannot be identified answers identify ranges");
   return false;

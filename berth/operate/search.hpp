@@ -55,6 +55,11 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
     std::size_t found = 0;
     rt::Time tell_at{};  // next report
   };
+  // How the search under way gets on.
+  struct Advance {
+    discovery::Progress furthest{};
+    unsigned idle = 0;  // slices in a row that got no further and found nothing
+  };
   rt::Task<Result<void>> find_the_rest(discovery::Discovery& way, NewDevices& all);
   rt::Task<bool> by(discovery::Discovery& way, unsigned slice = 0);
   void take(const discovery::Report& report);
@@ -80,9 +85,8 @@ class Search final : private nodeid::DiscoveryObserver, private discovery::Obser
   std::vector<Identity> heard_of_;      // found by this search
   std::vector<Identity> known_before_;  // by the one before
   discovery::Progress now_{};
-  discovery::Progress furthest_{};  // of the search under way
   Pace pace_;
-  unsigned idle_ = 0;  // slices in a row that found nothing
+  Advance advance_;
   Interruptions interruptions_;
   std::optional<rt::Time> interruptible_since_;  // empty: no search is under way that may be interrupted
   bool interrupted_ = false;
