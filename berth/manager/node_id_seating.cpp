@@ -98,7 +98,8 @@ rt::Task<void> NodeIdSeating::free_lost() {
 std::vector<Identity> NodeIdSeating::new_devices() const {
   std::vector<Identity> devices;
   for (const auto& f : bus_.found) {
-    const bool comes = !f.clone && !bus_.refuses(f.device) && bus_.of(f.device) == nullptr && !is_waited_for(bus_.slots, f.device);
+    const bool comes =
+        !f.clone && !bus_.refuses(f.device) && bus_.of(f.device) == nullptr && !is_waited_for(bus_.slots, f.device);
     if (comes) devices.push_back(f.device);
   }
   std::ranges::sort(devices);
