@@ -246,7 +246,7 @@ rt::Task<Result<bool>> Identify::slowly(Run& run, std::vector<Cursor>& cursors, 
   if (!left) co_return fail(left.error());
   if (!*left) co_return true;
   pace.slow_down();
-  run.again = slowly_ = true;
+  run.again = true;
   for (Cursor& cursor : cursors) {
     cursor.closed = false;
     cursor.quiet.clear();
@@ -270,10 +270,10 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   std::vector<Cursor> cursors = begin(known);
   run.kinds = cursors.size();
   run.again = slowly_;
-  if (slowly_) pace.slow_down();
+  if (run.again) pace.slow_down();
   auto quiet = co_await all_kinds(run, cursors, pace);
   if (!quiet) co_return fail(quiet.error());
-  const bool unheard = *quiet && !run.over() && !slowly_;
+  const bool unheard = *quiet && !run.over() && !run.again;
   if (unheard) {
     quiet = co_await slowly(run, cursors, pace);
     if (!quiet) co_return fail(quiet.error());
@@ -282,7 +282,7 @@ rt::Task<Result<Report>> Identify::find(const Known& known, const Options& optio
   using End = Report::End;
   run.report.end = run.stopped ? End::more : gave_up ? End::gave_up : run.full() ? End::limit : End::complete;
   if (run.stopped) cursors_ = std::move(cursors);
-  slowly_ = run.stopped && slowly_;
+  slowly_ = run.stopped && run.again;
   run.report.ended = services_.dispatcher.executor().now();
   co_return run.report;
 }

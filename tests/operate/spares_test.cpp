@@ -121,6 +121,7 @@ TEST(Returning, OneWithSwitchesIsNotToldAgainAndAgainToLeave) {
   g.rig.run_for(120s);
   EXPECT_TRUE(heard(g.rig, "returned", "take it off the bus")) << g.rig.log();
   EXPECT_LE(told.count, 1) << "it refuses, and that is known then\n" << g.rig.log();
+  g.rig.world().bus("backbone")->remove_tap(told);
   g.rig.device("a").unplug();
   EXPECT_TRUE(g.rig.until_operational(30s)) << g.rig.log();
   EXPECT_EQ(g.rig.seats(), (Seats{{5, 2}}));

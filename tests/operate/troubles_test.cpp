@@ -468,6 +468,7 @@ TEST(Troubles, ASilentDeviceThatAnswersLateIsFound) {
   rig.begin();
   EXPECT_TRUE(rig.run_until([&] { return rig.log().find("with node-ID 60") != std::string::npos; }, 600s)) << rig.log();
   EXPECT_EQ(questions.again, 0) << "once it is known to be slow, it is given the time of `sdo_timeout`";
+  rig.world().bus("backbone")->remove_tap(questions);
 }
 
 // More than there are slots, by plain LSS alone: a search takes several of its slices, the last ones for the gaps
